@@ -3,7 +3,7 @@
 #[path = "../src/diagnose/diagnose_sensor.rs"]
 mod diagnose_sensor;
 #[allow(unreachable_pub, reason = "shared by several test binaries")]
-#[path = "../../crates/calibrate/tests/hidden_sensor/mod.rs"]
+#[path = "../../crates/diagnose/tests/hidden_sensor/mod.rs"]
 mod hidden_sensor;
 #[path = "../src/diagnose/jobs.rs"]
 #[allow(dead_code, reason = "the study makes its list with it")]
@@ -21,7 +21,7 @@ mod score;
 #[path = "../src/diagnose/version.rs"]
 mod version;
 
-use spikelane_calibrate::diagnose::NullModel;
+use spikelane_diagnose::NullModel;
 
 /// A clean sensor, and one sensor of each other class. Each other sensor has the quickest diagnosis of those in its
 /// class that identified all hidden effects.

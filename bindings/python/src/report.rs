@@ -8,10 +8,10 @@ use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 use spikelane::{Error, ErrorKind};
-use spikelane_calibrate::diagnose::{DiagnoseOptions as Diagnosing, ReadoutSelection};
 use spikelane_calibrate::{
     CalibrateOptions as Calibrating, RecordingSet, SneeOptions, estimate_snee, measure_levels,
 };
+use spikelane_diagnose::{DiagnoseOptions as Diagnosing, ReadoutSelection};
 use spikelane_io::formats::{Layout, OutputSet, StreamReader};
 use spikelane_measure::report::RunRecord;
 use spikelane_measure::{MeasuredRecording, high_pass};
@@ -144,11 +144,11 @@ pub fn diagnose(
                 if all_readouts { ReadoutSelection::All } else { ReadoutSelection::Leading };
             let options = Diagnosing { camera, seed, readout_selection, time_limit, ..Diagnosing::default() };
             let diagnosis =
-                spikelane_calibrate::diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| {
+                spikelane_diagnose::diagnose(&set, holdout.as_ref(), options, &mut |_, share| {
                     report_progress(share)
                 })?;
             let json = match &out {
-                Some(folder) => spikelane_calibrate::diagnose::write_diagnosis(
+                Some(folder) => spikelane_diagnose::write_diagnosis(
                     &diagnosis,
                     folder,
                     &RunRecord::now("spikelane.diagnose"),

@@ -13,7 +13,6 @@
 //! `docs/why/calibration.md` describes the method and its accuracy.
 
 pub mod compare;
-pub mod diagnose;
 mod fitter;
 mod formulas;
 mod output;
@@ -21,6 +20,7 @@ mod population;
 mod recordings;
 mod result;
 mod snee;
+pub mod unstable;
 
 pub use fitter::estimate::calibrate;
 pub use formulas::fit::PixelFit;
@@ -30,7 +30,6 @@ pub use formulas::selection::{firing_draw_variance, noise_rate_gain};
 pub use output::files::CalibrationFiles;
 pub use population::Population;
 pub use population::threshold_spread;
-pub(crate) use recordings::check::pattern_correlation;
 pub use recordings::color_filters::ColorFilters;
 pub use recordings::measure_levels::{ProgressCallback, measure_levels};
 pub use recordings::observations::{Flicker, IntervalNoise, LightLevel, Observations};

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use spikelane::unstable::threads::run_until;
 use spikelane::{Camera, ErrorKind, Result, Seeds, Sensor, Simulator};
-use spikelane_calibrate::diagnose::{DiagnoseOptions, diagnose};
 use spikelane_calibrate::{CalibrateOptions, Protocol, RecordingSet, calibrate, measure_levels};
+use spikelane_diagnose::{DiagnoseOptions, diagnose};
 use spikelane_io::formats::{Layout, StreamReader};
 use spikelane_io::simulate::FrameRef;
 use spikelane_measure::MeasuredRecording;

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use spikelane_calibrate::RecordingSet;
-use spikelane_calibrate::diagnose::{
+use spikelane_diagnose::{
     DiagnoseOptions, NullModel, ReadoutSelection, RecordingPart, Setup, diagnose, published_camera,
 };
 

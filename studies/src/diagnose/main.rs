@@ -12,7 +12,7 @@
 //!   fails if one differs.
 
 mod diagnose_sensor;
-#[path = "../../../crates/calibrate/tests/hidden_sensor/mod.rs"]
+#[path = "../../../crates/diagnose/tests/hidden_sensor/mod.rs"]
 #[allow(unreachable_pub, reason = "shared with the tests")]
 mod hidden_sensor;
 mod jobs;
@@ -34,7 +34,7 @@ use hidden_sensor::SMALL_SIZE;
 use jobs::{SensorJob, jobs, uniform_hash};
 use phases::PhaseTimer;
 use serde_json::{Value, json};
-use spikelane_calibrate::diagnose::NullModel;
+use spikelane_diagnose::NullModel;
 
 /// Range of the strengths, relative to the smallest detectable strength, log-uniform.
 const STRENGTH_RANGE: (f64, f64) = (2.0, 30.0);

@@ -1,7 +1,7 @@
 //! Repeats recorded diagnoses. A diagnosis is unchanged if all words and the first nine digits of all numbers are the same.
 
 use serde_json::Value;
-use spikelane_calibrate::diagnose::NullModel;
+use spikelane_diagnose::NullModel;
 
 use super::hidden_sensor::{CATALOG_KINDS, OUTSIDE_KINDS, SMALL_SIZE};
 use super::jobs::SensorJob;

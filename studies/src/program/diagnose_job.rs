@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde_json::{Value, json};
-use spikelane_calibrate::diagnose::{DiagnoseOptions, diagnose};
+use spikelane_diagnose::{DiagnoseOptions, diagnose};
 
 use super::factors::Factors;
 use super::hidden_sensor::Sensor;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use spikelane::{Camera, Effect};
 use spikelane_calibrate::RecordingSet;
-use spikelane_calibrate::diagnose::{ReadoutSelection, RecordingPart, Setup, published_camera};
+use spikelane_diagnose::{ReadoutSelection, RecordingPart, Setup, published_camera};
 
 use super::factors::Factors;
 use super::hidden_sensor::{Scene, Sensor, record_exact};

@@ -14,7 +14,7 @@
 
 mod diagnose_job;
 mod factors;
-#[path = "../../../crates/calibrate/tests/hidden_sensor/mod.rs"]
+#[path = "../../../crates/diagnose/tests/hidden_sensor/mod.rs"]
 #[allow(unreachable_pub, reason = "shared with the tests")]
 mod hidden_sensor;
 #[path = "../diagnose/jobs.rs"]

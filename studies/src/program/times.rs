@@ -6,10 +6,8 @@ use std::time::Instant;
 
 use spikelane::effects::Camera;
 use spikelane_calibrate::RecordingSet;
-use spikelane_calibrate::diagnose::{
-    DiagnoseOptions, Setup, Verdict, diagnose_with_preliminary, published_camera,
-};
-use spikelane_calibrate::diagnose::{ReadoutSelection, RecordingPart};
+use spikelane_diagnose::{DiagnoseOptions, Setup, Verdict, diagnose_with_preliminary, published_camera};
+use spikelane_diagnose::{ReadoutSelection, RecordingPart};
 
 use super::hidden_sensor::{Physics, Sensor, Size, kind, write_set};
 use super::provenance;

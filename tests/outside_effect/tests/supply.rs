@@ -3,8 +3,8 @@
 use outside_effect::WEAK_SUPPLY;
 use spikelane::effects::{self, Catalog, Definition};
 use spikelane::{Camera, ErrorKind, Geometry, Seeds, Sensor, Simulator, presets};
-use spikelane_calibrate::diagnose::{DiagnoseOptions, ReadoutSelection, diagnose};
 use spikelane_calibrate::{Protocol, RecordingSet};
+use spikelane_diagnose::{DiagnoseOptions, ReadoutSelection, diagnose};
 
 fn catalog() -> Catalog {
     Catalog::new().with_definition(&WEAK_SUPPLY).unwrap()

@@ -5,7 +5,8 @@
 ///
 /// The upper limit with a probability of 0.001 (`z` = 3.09) is 3 % too large for one degree of freedom and 0.6 % for ten. A
 /// lower limit needs at least three.
-pub(crate) fn chi_square_over_freedom(freedom: f64, z: f64) -> f64 {
+#[must_use]
+pub fn chi_square_over_freedom(freedom: f64, z: f64) -> f64 {
     let c = 2.0 / (9.0 * freedom);
     (1.0 - c + z * c.sqrt()).powi(3)
 }

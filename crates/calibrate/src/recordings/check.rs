@@ -12,7 +12,7 @@ use spikelane_measure::{finite_values, high_pass, median};
 
 /// Rate above which a pixel is saturated, in spikes per readout. A saturated pixel fires at nearly every readout, so its
 /// rate contains no information about the light.
-pub(crate) const SATURATION_RATE: f64 = 0.985;
+pub const SATURATION_RATE: f64 = 0.985;
 
 /// Smallest number of spikes from which a rate is computed from spike times. Two spikes form one interval.
 ///
@@ -303,7 +303,8 @@ fn check_orientation(observed: &Observations, classes: &PixelClasses) -> Result<
 }
 
 /// Returns the correlation between the fixed patterns of two levels. `width` is the number of pixels per row.
-pub(crate) fn pattern_correlation(a: &LightLevel, b: &LightLevel, width: usize) -> f64 {
+#[must_use]
+pub fn pattern_correlation(a: &LightLevel, b: &LightLevel, width: usize) -> f64 {
     rank_correlation(&high_pass(&a.rate, width), &high_pass(&b.rate, width))
 }
 

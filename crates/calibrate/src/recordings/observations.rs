@@ -128,13 +128,8 @@ impl LightLevel {
     }
 
     /// Creates a level from known rates.
-    pub(crate) fn from_rates(
-        name: &str,
-        light: f64,
-        readouts: u32,
-        spikes: Vec<u32>,
-        rate: Vec<f64>,
-    ) -> Self {
+    #[must_use]
+    pub fn from_rates(name: &str, light: f64, readouts: u32, spikes: Vec<u32>, rate: Vec<f64>) -> Self {
         let nowhere = vec![0; spikes.len()];
         Self { rate, ..Self::from_counts(name, light, readouts, spikes, &nowhere, &nowhere) }
     }

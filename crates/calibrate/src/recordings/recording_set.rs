@@ -444,7 +444,7 @@ impl RecordingSet {
     /// # Errors
     /// [`ErrorKind::Input`] if the rates differ from the light by more than a factor of ten, or if a stream cannot be
     /// read.
-    pub(crate) fn check_light_unit(&self) -> Result<()> {
+    pub fn check_light_unit(&self) -> Result<()> {
         let mut levels = Vec::new();
         for recording in &self.recordings {
             let Some(light) = recording.light.level() else { continue };

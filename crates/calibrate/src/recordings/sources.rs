@@ -19,7 +19,8 @@ const MAX_SUM_DEVIATION: f64 = 5.0;
 
 /// One source of a recording.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Source {
+pub struct Source {
+    /// Name of the source.
     pub name: String,
     /// Stated light of the source alone.
     pub light: f64,
@@ -29,7 +30,8 @@ pub(crate) struct Source {
 
 /// The sources of a recording. The list is empty if the set states no sources for the recording.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Sources {
+pub struct Sources {
+    /// The sources, in the order of the set.
     pub sources: Vec<Source>,
     /// Relative standard deviation of the light of the recording, if the light of every source is known.
     pub repeatability: f64,
@@ -37,12 +39,14 @@ pub(crate) struct Sources {
 
 impl Sources {
     /// Returns the sum of the stated light of the sources.
-    pub(crate) fn light(&self) -> f64 {
+    #[must_use]
+    pub fn light(&self) -> f64 {
         self.sources.iter().map(|s| s.light).sum()
     }
 
     /// Returns the only source, or `None` if there are none or several.
-    pub(crate) fn single(&self) -> Option<&Source> {
+    #[must_use]
+    pub fn single(&self) -> Option<&Source> {
         match self.sources.as_slice() {
             [source] => Some(source),
             _ => None,
@@ -50,14 +54,16 @@ impl Sources {
     }
 
     /// Returns whether the recording has several sources.
-    pub(crate) fn is_sum(&self) -> bool {
+    #[must_use]
+    pub fn is_sum(&self) -> bool {
         self.sources.len() > 1
     }
 }
 
 impl RecordingSet {
     /// Returns the sources of `recording`. The set must have been checked.
-    pub(crate) fn sources(&self, recording: &Recording) -> Sources {
+    #[must_use]
+    pub fn sources(&self, recording: &Recording) -> Sources {
         let alone = self.single_sources();
         let source = |name: &String| alone.get(name.as_str()).map(|r| self.source(name, r));
         Sources {

@@ -7,7 +7,6 @@ use spikelane::effects::find;
 use spikelane::spikes::Geometry;
 use spikelane::{Camera, Seeds, presets};
 use spikelane_calibrate::compare::compare_gray_levels;
-use spikelane_calibrate::diagnose::{DiagnoseOptions, diagnose};
 use spikelane_calibrate::{
     CalibrateOptions, ColorFilters, Observations, Protocol, RecordingSet, SneeOptions, Stimulus,
     StimulusPattern, calibrate, estimate_snee, import_maps, measure_levels, predict_precision,
@@ -284,15 +283,11 @@ fn levels_in_another_unit_that_contradict_each_other_get_no_factor() {
 }
 
 #[test]
-fn compare_and_diagnose_refuse_levels_in_another_unit() {
+fn compare_refuses_levels_in_another_unit() {
     let (_folder, path) = record(&flats(&[0.0, 0.1, 0.3], 500));
     let set = RecordingSet::open(&with_levels_times(&path, 400.0)).unwrap();
-    let compared = compare_gray_levels(&set, &[], SEEDS, 100, &mut |_, _| {});
-    let options = DiagnoseOptions::default();
-    let diagnosed = diagnose(&set, None, options, &mut |_, _| {});
-    for text in [compared.unwrap_err().to_string(), diagnosed.unwrap_err().to_string()] {
-        assert!(text.contains("multiply all levels by 0.0025"), "{text}");
-    }
+    let text = compare_gray_levels(&set, &[], SEEDS, 100, &mut |_, _| {}).unwrap_err().to_string();
+    assert!(text.contains("multiply all levels by 0.0025"), "{text}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use spikelane::error::Result;
 use spikelane::presets;
 use spikelane_calibrate::RecordingSet;
-use spikelane_calibrate::diagnose::{
+use spikelane_diagnose::{
     Detectability, DetectabilityReport, DiagnoseOptions, Diagnosis, Fault, PreliminaryResult,
     ReadoutSelection, Verdict, detectability, diagnose_with_preliminary, write_diagnosis,
 };

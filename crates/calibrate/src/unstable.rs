@@ -1,0 +1,7 @@
+//! Internal items that the sibling package `spikelane-diagnose` uses.
+//!
+//! Any release may change or remove the items of this module.
+
+pub use crate::formulas::chi_square::chi_square_over_freedom;
+pub use crate::recordings::check::{SATURATION_RATE, pattern_correlation};
+pub use crate::recordings::sources::{Source, Sources};

@@ -1,0 +1,80 @@
+//! The fit of a model to the statistics of one set, and the noise of events that cannot be located.
+
+use crate::events::locations::kind_index;
+use crate::fits::fit::Fit;
+use crate::fits::likelihood::Likelihood;
+use crate::null_model::mean::{average, shrink};
+use crate::null_model::metric::Metric;
+use crate::null_model::model::NullModel;
+use crate::thresholds::EVENT_PAIRS;
+use nalgebra::{DMatrix, DVector};
+use spikelane::error::Result;
+
+/// Fits models to the data of one set. The other files of this module add its operations.
+#[derive(Clone, Debug)]
+pub(crate) struct Fitter<'a> {
+    pub reference: &'a NullModel,
+    /// Statistics of the set, at the light of the null model.
+    pub data: DVector<f64>,
+}
+
+impl Fitter<'_> {
+    /// Simulates the fit's mean, as far as that has not been done, and compares it with the data.
+    pub(crate) fn evaluate(&self, fit: &mut Fit, count: usize) -> Result<()> {
+        let known = if fit.at == fit.place() { std::mem::take(&mut fit.each) } else { Vec::new() };
+        if known.len() >= count {
+            fit.each = known;
+            return Ok(());
+        }
+        let means = self.reference.mean_of(&fit.model, &fit.u, count, known)?;
+        let residual = &self.data - &means.mean;
+        fit.misfit = self.reference.metric.square(&residual);
+        fit.mean = means.mean;
+        fit.each = means.each;
+        fit.at = fit.place();
+        fit.events = unlocated_event_columns(self.reference, fit)?;
+        fit.likelihood = Likelihood::of(self.reference, &fit.each, &fit.events)?;
+        fit.cost = fit.likelihood.deviance(&residual);
+        Ok(())
+    }
+}
+
+/// Returns one column for each recording and kind of event: the change of its statistics per standard deviation of the number
+/// of events.
+///
+/// A recording with six expected lost readouts has four or nine, and all of its statistics change together. If each statistic
+/// had this noise independently, a wrong event, which is also noisy, would be as likely as the right one.
+pub(crate) fn unlocated_event_columns(reference: &NullModel, fit: &Fit) -> Result<DMatrix<f64>> {
+    let mut columns = Vec::new();
+    for (e, (effect, _)) in fit.effects.iter().enumerate() {
+        let j = fit.knobs_of(e).start;
+        let probability = fit.model.knobs[j].value(fit.u[j]);
+        let Some(kind) = kind_index(effect).filter(|_| probability > 0.0) else { continue };
+        let by_chance = |k: &usize| fit.model.pinned.places(*k)[kind].is_none();
+        let scenes: Vec<usize> = (0..reference.setup.recordings.len()).filter(by_chance).collect();
+        if scenes.is_empty() {
+            continue;
+        }
+        // From half of them: twice the root of a count is no straight line from none.
+        let mut fewer = fit.u.clone();
+        fewer[j] *= 0.5;
+        let fewer = reference.mean_of(&fit.model, &fewer, EVENT_PAIRS.min(fit.each.len()), Vec::new())?;
+        let change: Vec<DVector<f64>> = fewer.each.iter().zip(&fit.each).map(|(a, b)| b - a).collect();
+        let change = shrink(2.0 * average(&change), &reference.spread, change.len());
+        for k in scenes {
+            let expected = probability * reference.setup.recordings[k].readouts as f64;
+            let own = |i: usize| f64::from(u8::from(reference.statistics[i].recording == Some(k)));
+            columns.push(DVector::from_fn(change.len(), |i, _| own(i) * change[i] / expected.sqrt()));
+        }
+    }
+    columns.retain(|c| c.amax() > 0.0);
+    Ok(if columns.is_empty() { DMatrix::zeros(fit.mean.len(), 0) } else { DMatrix::from_columns(&columns) })
+}
+
+/// Returns the metric of the null model in which any number of events is no misfit.
+pub(crate) fn metric_allowing_events(reference: &NullModel, events: &DMatrix<f64>) -> Result<Metric> {
+    if events.is_empty() {
+        return Ok(reference.metric.clone());
+    }
+    Ok(Metric::new(&reference.noise.with_columns(events)?, reference.jacobian.clone()))
+}

@@ -1,0 +1,98 @@
+//! How likely a fitted model makes data, by the noise that it has itself.
+
+use crate::light::offsets::columns;
+use crate::null_model::mean::average;
+use crate::null_model::metric::{Metric, Noise};
+use crate::null_model::model::NullModel;
+use crate::thresholds::{MIN_WIDER_VARIANCE, PRIOR_SIMULATIONS};
+use nalgebra::{DMatrix, DVector};
+use spikelane::error::Result;
+
+/// The noise of a fitted model. Rare events and strong noise make sets differ that the null would
+/// call far apart; a model is judged by how likely *it* makes the data.
+#[derive(Clone, Debug)]
+pub(crate) struct Likelihood {
+    pub metric: Metric,
+    /// The noise of sensors at known light, with that of numbers of events.
+    pub noise_without_lamps: Noise,
+    /// Logarithm of the noise's determinant over the null's.
+    pub log_volume: f64,
+}
+
+impl Likelihood {
+    /// That of a model of which these are simulations; `events` are what numbers of events move.
+    pub(crate) fn of(
+        reference: &NullModel,
+        simulations: &[DVector<f64>],
+        events: &DMatrix<f64>,
+    ) -> Result<Self> {
+        let plain = || Self::of_null(reference);
+        if simulations.len() < 2 {
+            return Ok(plain());
+        }
+        let (mean, freedom) = (average(simulations), simulations.len() as f64 - 1.0);
+        let Some(noise_without_lamps) = own_noise(reference, events, simulations, &mean, freedom)? else {
+            return Ok(plain());
+        };
+        let noise = with_lamps(reference, &noise_without_lamps)?;
+        let log_volume = noise.log_determinant() - reference.noise.log_determinant();
+        let metric = Metric::new(&noise, reference.jacobian.clone());
+        Ok(Self { metric, noise_without_lamps, log_volume })
+    }
+
+    /// That of the base model.
+    pub(crate) fn of_null(reference: &NullModel) -> Self {
+        Self {
+            metric: reference.metric.clone(),
+            noise_without_lamps: reference.noise_without_lamps.clone(),
+            log_volume: 0.0,
+        }
+    }
+
+    /// Twice the negative logarithm of the likelihood, less a constant.
+    pub(crate) fn deviance(&self, residual: &DVector<f64>) -> f64 {
+        self.metric.square(residual) + self.log_volume
+    }
+}
+
+/// The noise of simulations of a fitted model about `mean`, at known light; `None` where it is the null's.
+pub(super) fn own_noise(
+    reference: &NullModel,
+    events: &DMatrix<f64>,
+    simulations: &[DVector<f64>],
+    mean: &DVector<f64>,
+    freedom: f64,
+) -> Result<Option<Noise>> {
+    let rest = |s: &DVector<f64>| without_events(&reference.noise_without_lamps, s - mean, events);
+    let factors = factors(reference, &simulations.iter().map(rest).collect::<Vec<_>>(), freedom);
+    if factors.iter().all(|f| *f == 1.0) && events.is_empty() {
+        return Ok(None);
+    }
+    reference.noise_without_lamps.scaled(&factors)?.with_columns(events).map(Some)
+}
+
+/// The noise of sensors at known light, with that of the lamps.
+pub(super) fn with_lamps(reference: &NullModel, noise: &Noise) -> Result<Noise> {
+    noise.with_columns(&columns(&reference.lamp_slopes, &reference.model))
+}
+
+/// By how much every statistic's deviation exceeds the null's, one where it hardly does.
+fn factors(reference: &NullModel, residuals: &[DVector<f64>], freedom: f64) -> Vec<f64> {
+    let factor = |j: usize| {
+        let own = residuals.iter().map(|s| s[j].powi(2)).sum::<f64>();
+        let null = reference.noise_without_lamps.covariance[(j, j)];
+        let ratio = (own + PRIOR_SIMULATIONS * null) / (freedom + PRIOR_SIMULATIONS) / null;
+        if ratio > MIN_WIDER_VARIANCE { ratio.sqrt() } else { 1.0 }
+    };
+    (0..reference.spread.len()).map(factor).collect()
+}
+
+/// `residual` without what the numbers of events explain of it. Columns do not overlap: each is fitted by itself.
+fn without_events(noise: &Noise, residual: DVector<f64>, columns: &DMatrix<f64>) -> DVector<f64> {
+    let weight = |i: usize| noise.covariance[(i, i)].recip();
+    columns.column_iter().fold(residual, |residual, c| {
+        let along: f64 = (0..residual.len()).map(|i| residual[i] * c[i] * weight(i)).sum();
+        let square: f64 = (0..residual.len()).map(|i| c[i] * c[i] * weight(i)).sum();
+        residual - c * (along / square)
+    })
+}

@@ -1,0 +1,179 @@
+//! A fitted model judged by its own simulations.
+
+use crate::fits::fit::{Fit, trust};
+use crate::fits::fitter::{Fitter, metric_allowing_events};
+use crate::fits::likelihood::{own_noise, with_lamps};
+use crate::fits::slopes::Secant;
+use crate::light::offsets::LampDraw;
+use crate::null_model::limits::{ALARM, Limits, center, gamma_limit, strays_by};
+use crate::null_model::metric::Metric;
+use crate::null_model::model::NullModel;
+use crate::null_model::signature::Signature;
+use crate::sensors::simulate;
+use crate::thresholds::{
+    CALIBRATION_INFORMATION, MAX_REFITS, MEAN_SIMULATIONS, REDRAWN_SIMULATIONS, SOME_SIMULATIONS,
+};
+use nalgebra::{DMatrix, DVector};
+use spikelane::error::Result;
+use spikelane::unstable::draws::pattern_rng::PatternRng;
+use spikelane::unstable::draws::{RandomStream, Seeds};
+use spikelane::unstable::threads;
+
+/// What simulations of the fitted model itself look like.
+#[derive(Clone)]
+pub(crate) struct SelfConsistency {
+    pub metric: Metric,
+    /// Limit and median of the total misfit in the first round's metric.
+    pub floor: f64,
+    pub floor_sd: f64,
+    /// Median of the misfit with any number of events allowed.
+    pub allowed_floor: f64,
+    /// What sensors of this model keep within.
+    pub limits: Limits,
+    pub mean: DVector<f64>,
+    /// By how much the fit of such a simulation misses each of its numbers.
+    pub deviations: Vec<f64>,
+    /// The part of that which does not grow with what is fitted: the null's noise.
+    pub additive: Vec<f64>,
+}
+
+impl SelfConsistency {
+    /// What sensors of the base model show.
+    pub(crate) fn of_base(reference: &NullModel) -> Self {
+        let known = vec![CALIBRATION_INFORMATION; reference.model.knobs.len()];
+        let deviations = roots(&reference.metric.clone().knowing(&known).covariance());
+        Self {
+            additive: deviations.clone(),
+            deviations,
+            metric: reference.metric.clone(),
+            floor: reference.clean.floor,
+            floor_sd: reference.clean.floor_sd,
+            allowed_floor: reference.clean.floor,
+            limits: reference.clean.limits,
+            mean: reference.mean.clone(),
+        }
+    }
+}
+
+/// A simulation and how far its numbers lie from the fitted ones.
+struct Redrawn {
+    moved: DVector<f64>,
+    vector: DVector<f64>,
+    /// What the deviations of its lamps add to the vector.
+    by_lamps: DVector<f64>,
+}
+
+impl Fitter<'_> {
+    /// The fitted model judged by itself: its numbers redrawn from their posterior.
+    pub(crate) fn self_consistency(&self, fit: &mut Fit) -> Result<SelfConsistency> {
+        let reference = self.reference;
+        self.evaluate(fit, MEAN_SIMULATIONS)?;
+        self.derive(fit, SOME_SIMULATIONS, Secant::Around)?;
+        let known = fit.known();
+        let redrawn = self.redrawn(fit, &known)?;
+        let mean = fit.mean.clone();
+        let each: Vec<DVector<f64>> = redrawn.iter().map(|r| r.vector.clone()).collect();
+        let at_known_light: Vec<DVector<f64>> = redrawn.iter().map(|r| &r.vector - &r.by_lamps).collect();
+        let noise = match own_noise(reference, &fit.events, &at_known_light, &mean, each.len() as f64)? {
+            Some(noise) => with_lamps(reference, &noise)?,
+            None => reference.noise.clone(),
+        };
+        let metric = Metric::new(&noise, fit.directions(reference)).knowing(&known);
+        let open: Vec<&Signature> = reference.signatures.iter().filter(|s| fit.lacks(s)).collect();
+        let strays: Vec<[f64; 3]> = each.iter().map(|s| strays_by(&metric, &(s - &mean), &open)).collect();
+        let highest = |i: usize| strays.iter().map(|s| s[i]).fold(0.0, f64::max);
+        let lengths: Vec<f64> = each.iter().map(|s| reference.metric.square(&(s - &mean))).collect();
+        let (floor, floor_sd) = center(&lengths);
+        let allowing = metric_allowing_events(reference, &fit.events)?;
+        let allowed: Vec<f64> = each.iter().map(|s| allowing.square(&(s - &mean))).collect();
+        Ok(SelfConsistency {
+            floor,
+            floor_sd,
+            allowed_floor: center(&allowed).0,
+            // The mean itself is known to a part of the noise only.
+            limits: Limits {
+                misfit: (1.1 * gamma_limit(&strays.iter().map(|s| s[0]).collect::<Vec<_>>(), ALARM))
+                    .max(reference.clean.limits.misfit),
+                deviation: (1.15 * highest(1)).max(reference.clean.limits.deviation),
+                score: (1.15 * highest(2)).max(reference.clean.limits.score),
+            },
+            deviations: missed(&metric, &redrawn, &mean),
+            additive: roots(
+                &Metric::new(&reference.noise, fit.directions(reference)).knowing(&known).covariance(),
+            ),
+            metric,
+            mean,
+        })
+    }
+
+    /// Numbers that the set hardly tells are redrawn as far as a linear step is trusted: beyond, the errors of the linear fit are
+    /// not those of the fit.
+    fn redrawn(&self, fit: &Fit, known: &[f64]) -> Result<Vec<Redrawn>> {
+        let reference = self.reference;
+        let lamps = &fit.model.lamps;
+        let rough = Metric::new(&reference.noise, fit.directions(reference)).knowing(known);
+        let n = fit.u.len();
+        let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
+        let one = |i: usize| -> Result<Redrawn> {
+            let seed = reference.seed + 50_000 + i as u64;
+            let mut normals =
+                PatternRng::new(Seeds { camera: seed, shot: 0, sequence: 0 }, RandomStream::from_name("own"))
+                    .normals();
+            let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
+            let wanted = &root * draw(n);
+            let off = LampDraw::new(lamps, &draw(lamps.len()));
+            let place = |j: usize| {
+                let (knob, most) = (fit.model.knobs[j], trust(fit.model.knobs[j].scale, fit.u[j]));
+                knob.clamped(fit.u[j] + wanted[j].clamp(-most, most))
+            };
+            let u: Vec<f64> = (0..n).map(place).collect();
+            let sample = fit.model.sample(&u, off.simulated.as_slice(), reference.setup.recordings.len())?;
+            let moved = DVector::from_fn(n, |j, _| u[j] - fit.u[j]);
+            let simulated = DVector::from_vec(simulate::values(&reference.setup, &sample, seed)?);
+            let vector =
+                simulated + &reference.lamp_slopes * off.remainder() - reference.lamp_shift(&fit.model);
+            Ok(Redrawn { moved, vector, by_lamps: &reference.lamp_slopes * &off.whole })
+        };
+        threads::try_map(0..REDRAWN_SIMULATIONS, one)
+    }
+
+    /// The fitted model judged by itself, again as long as its own noise asks for other numbers.
+    pub(crate) fn converged(&self, fit: &mut Fit) -> Result<SelfConsistency> {
+        let mut own = self.self_consistency(fit)?;
+        for _ in 0..MAX_REFITS {
+            let moved = own.metric.bounded(&(&self.data - &own.mean), &fit.bounds());
+            let base = self.reference.model.knobs.len();
+            let far = (base..fit.u.len()).any(|j| moved[j].abs() > own.deviations[j]);
+            if !far {
+                break;
+            }
+            let mut next = self.refine(fit.moved(&moved), 2, 2 * SOME_SIMULATIONS)?;
+            if next.cost > fit.cost {
+                break;
+            }
+            own = self.self_consistency(&mut next)?;
+            *fit = next;
+        }
+        Ok(own)
+    }
+}
+
+/// A parametric bootstrap of the last linear fit: each redrawn sensor is fitted as the data are, and
+/// its own numbers are known. It holds what variances alone cannot: noise that moves many statistics
+/// at once, such as the number of hot pixels that a sensor happens to have.
+fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64> {
+    let errors: Vec<DVector<f64>> =
+        redrawn.iter().map(|r| metric.fit(&(&r.vector - mean)) - &r.moved).collect();
+    let linear = metric.covariance();
+    let n = errors.len() as f64;
+    let of_knob = |j: usize| {
+        let square = errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / n;
+        // The model's mean has noise of its own.
+        (square * (1.0 + 1.0 / MEAN_SIMULATIONS as f64)).max(linear[(j, j)]).sqrt()
+    };
+    (0..linear.nrows()).map(of_knob).collect()
+}
+
+pub(crate) fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
+    covariance.diagonal().iter().map(|v| v.sqrt()).collect()
+}

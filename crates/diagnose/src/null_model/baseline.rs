@@ -1,0 +1,229 @@
+//! Simulations of the base model.
+//!
+//! [`Baseline::first`] makes a few. They suffice to recognize a set that agrees with the model. [`Baseline::complete`]
+//! makes the others, which a search for effects requires. Simulations are identified by their seeds, so a complete
+//! baseline does not depend on the first step.
+
+use std::sync::atomic::AtomicUsize;
+
+use crate::null_model::derivatives::{Changes, changes, pairs, slopes_of_lamps, with_lamps};
+use crate::null_model::mean::average;
+use crate::null_model::progress::{Stage, count, watched};
+use crate::null_model::signature::{changed_by, is_mirrored};
+use crate::recordings::setup::Setup;
+use crate::sensors::catalog::{Candidate, candidates, searched_effects};
+use crate::sensors::deadline::SimulationContext;
+use crate::sensors::model::Model;
+use crate::sensors::simulate;
+use crate::statistics::vector::DiagnosticStatistic;
+use nalgebra::{DMatrix, DVector};
+use spikelane::effects::{Camera, Catalog, Definition};
+use spikelane::error::Result;
+use spikelane::unstable::threads;
+use spikelane_calibrate::ProgressCallback;
+
+/// Sensors at the base model's own numbers.
+pub(super) const SENSORS: usize = 80;
+
+/// Simulations of the first step.
+///
+/// Sensors: noise from 24 sensors judges a clean set as noise from 200 does. It finds an effect of eight standard
+/// deviations at 7.9 (median of all candidates of the recommended protocol).
+/// Lamps: the derivative by a lamp is a direction that costs nothing, so its noise removes one random direction of 250.
+const FIRST_SENSORS: usize = 24;
+const FIRST_LAMP_DRAWS: usize = 4;
+
+/// Simulations of a signature: two show how much of it is noise. The first step makes one.
+pub(crate) const SIGNATURE_DRAWS: usize = 2;
+pub(crate) const FIRST_SIGNATURE_DRAWS: usize = 1;
+
+/// Simulations of a derivative in the first step. A base number differs from its calibrated value by one or two of its
+/// standard deviations. The noise of the derivative is multiplied by that only.
+fn first_pairs(setup: &Setup) -> usize {
+    pairs(setup).div_ceil(6)
+}
+
+/// A camera, and simulations of it that exist already.
+#[derive(Clone, Debug)]
+pub(crate) struct StartingCamera {
+    pub camera: Camera,
+    /// Vectors of the first seeds.
+    pub vectors: Vec<DVector<f64>>,
+    pub changes: Changes,
+    pub context: SimulationContext,
+}
+
+impl StartingCamera {
+    /// Returns a camera without simulations.
+    pub(crate) fn new(camera: Camera, context: &SimulationContext) -> Self {
+        Self { camera, vectors: Vec::new(), changes: Changes::default(), context: context.clone() }
+    }
+}
+
+/// Simulations of the base model under one protocol.
+#[derive(Clone)]
+pub(crate) struct Baseline {
+    pub setup: Setup,
+    pub model: Model,
+    pub seed: u64,
+    pub statistics: Vec<DiagnosticStatistic>,
+    /// Smallest relevant deviation of each statistic.
+    pub floors: Vec<f64>,
+    /// Vectors of sensors with the model's own numbers.
+    pub vectors: Vec<DVector<f64>>,
+    /// What each candidate changes in the first vectors.
+    pub signatures: Vec<(Candidate, Vec<DVector<f64>>)>,
+    /// Effects that the set cannot show at any strength.
+    pub missing: Vec<&'static Definition>,
+    /// Vectors that existed before.
+    existing: Vec<DVector<f64>>,
+    changes: Changes,
+    /// Changes per unit of each lamp's deviation in the first vectors.
+    lamp_changes: Vec<Vec<DVector<f64>>>,
+}
+
+/// Shares of the whole time at which the first step begins and ends, and at which the sensors are complete.
+const FIRST_STAGE: (f64, f64) = (0.03, 0.25);
+pub(super) const SENSORS_DONE: f64 = 0.48;
+
+/// Share of the whole time at which the null model is complete.
+pub(super) const NULL_MODEL_DONE: f64 = 0.8;
+
+impl Baseline {
+    /// Makes the first simulations.
+    pub(crate) fn first(
+        setup: Setup,
+        start: StartingCamera,
+        seed: u64,
+        effects: &Catalog,
+        progress: ProgressCallback<'_>,
+    ) -> Result<Self> {
+        let StartingCamera { camera, vectors: existing, changes, context } = start;
+        let model = Model::base(camera, &setup).with_context(&context);
+        let (candidates, missing) = candidates_of(&setup, &model, effects);
+        let sample = model.sample(&[], &[], setup.recordings.len())?;
+        let statistics = simulate::statistics(&setup, &sample, seed)?;
+        let floors = statistics.iter().map(|s| s.floor).collect();
+        let signatures: Vec<_> = candidates.into_iter().map(|c| (c, Vec::new())).collect();
+        let mut baseline = Self {
+            setup,
+            model,
+            seed,
+            statistics,
+            floors,
+            vectors: Vec::new(),
+            signatures,
+            missing,
+            existing,
+            changes,
+            lamp_changes: Vec::new(),
+        };
+        let pairs = first_pairs(&baseline.setup);
+        let stage = Stage {
+            name: "first look",
+            from: FIRST_STAGE.0,
+            to: FIRST_STAGE.1,
+            pieces: FIRST_SENSORS + pairs * baseline.model.knobs.len() + baseline.signatures.len(),
+        };
+        watched(&stage, progress, |done| {
+            baseline.extend([FIRST_LAMP_DRAWS, FIRST_SENSORS, pairs, FIRST_SIGNATURE_DRAWS], done)
+        })?;
+        Ok(baseline)
+    }
+
+    /// Makes the simulations that a search requires, with `signature_draws` of each candidate.
+    pub(crate) fn complete(&mut self, signature_draws: usize, progress: ProgressCallback<'_>) -> Result<()> {
+        let all = pairs(&self.setup);
+        let pieces = SENSORS.saturating_sub(self.vectors.len())
+            + all.saturating_sub(self.changes.count()) * self.model.knobs.len()
+            + self.signatures.len();
+        let stage = Stage { name: "null", from: FIRST_STAGE.1, to: SENSORS_DONE, pieces };
+        watched(&stage, progress, |done| self.extend([all, SENSORS, all, signature_draws], done))
+    }
+
+    /// Simulates up to these numbers of lamp draws, sensors, pairs of a derivative, and draws of a signature.
+    fn extend(
+        &mut self,
+        [lamp_draws, sensors, pairs, signature_draws]: [usize; 4],
+        done: &AtomicUsize,
+    ) -> Result<()> {
+        let Self { setup, model, seed, vectors, existing, lamp_changes, signatures, .. } = self;
+        let (setup, model, seed) = (&*setup, &*model, *seed);
+        let more = threads::try_map(lamp_changes.len()..lamp_draws, |i| {
+            with_lamps(setup, model, seed + i as u64).inspect(|_| count(done))
+        })?;
+        for drawn in more {
+            if lamp_changes.len() == vectors.len() {
+                vectors.push(drawn.vector);
+            }
+            lamp_changes.push(drawn.lamps);
+        }
+        let sample = model.sample(&[], &[], setup.recordings.len())?;
+        let vector = |i: usize| -> Result<DVector<f64>> {
+            count(done);
+            match existing.get(i) {
+                Some(vector) => Ok(vector.clone()),
+                None => Ok(DVector::from_vec(simulate::values(setup, &sample, seed + i as u64)?)),
+            }
+        };
+        let more = threads::try_map(vectors.len()..sensors, vector)?;
+        vectors.extend(more);
+        let vectors = &*vectors;
+        let known_pairs = self.changes.count();
+        if known_pairs < pairs {
+            self.changes.extend(changes(setup, model, seed, vectors, known_pairs..pairs, done)?);
+        }
+        // The first step skips the opposite sign of an effect, because its score has the same size.
+        let is_first = sensors < SENSORS;
+        let is_skipped = |i: usize| {
+            is_first && signatures[..i].iter().any(|earlier| is_mirrored(&earlier.0, &signatures[i].0))
+        };
+        let wanted: Vec<usize> =
+            (0..signatures.len()).map(|i| if is_skipped(i) { 0 } else { signature_draws }).collect();
+        let sign = |((candidate, each), wanted): (&(Candidate, Vec<DVector<f64>>), &usize)| {
+            let one = |i: usize| changed_by(candidate, setup, model, seed, vectors, i);
+            threads::try_map(each.len()..*wanted, one).inspect(|_| count(done))
+        };
+        let more = threads::try_map(signatures.iter().zip(&wanted).collect::<Vec<_>>(), sign)?;
+        signatures.iter_mut().zip(more).for_each(|((_, each), more)| each.extend(more));
+        Ok(())
+    }
+
+    pub(super) fn mean(&self) -> DVector<f64> {
+        average(&self.vectors)
+    }
+
+    /// The standard deviation of each statistic.
+    pub(super) fn spread(&self) -> Vec<f64> {
+        let mean = self.mean();
+        let square = |j: usize| self.vectors.iter().map(|b| (b[j] - mean[j]).powi(2)).sum::<f64>();
+        (0..mean.len()).map(|j| (square(j) / (self.vectors.len() - 1) as f64).sqrt()).collect()
+    }
+
+    /// Changes per unit of each base number.
+    pub(super) fn jacobian(&self) -> DMatrix<f64> {
+        self.changes.jacobian(&self.model, &self.spread())
+    }
+
+    /// Changes per unit of each lamp's deviation.
+    pub(super) fn lamp_slopes(&self) -> DMatrix<f64> {
+        slopes_of_lamps(&self.lamp_changes, &self.model, self.statistics.len())
+    }
+}
+
+/// The candidates for a set, and the effects that it cannot show at any strength.
+fn candidates_of(
+    setup: &Setup,
+    model: &Model,
+    effects: &Catalog,
+) -> (Vec<Candidate>, Vec<&'static Definition>) {
+    let longest = setup.recordings.iter().map(|s| s.first_readout + s.readouts).max().unwrap_or(1);
+    let mut all = candidates(&model.camera, longest, setup.lowest_line_hz(), effects);
+    let mut missing = Vec::new();
+    if setup.only_still() {
+        missing = searched_effects(effects);
+        missing.retain(|effect| effect.is_scene_like);
+        all.retain(|c| !c.effect.is_scene_like);
+    }
+    (all, missing)
+}

@@ -1,0 +1,177 @@
+//! How far clean sensors stray.
+
+use crate::null_model::metric::{Metric, noise};
+use crate::null_model::posterior_draw::CleanSensor;
+use crate::null_model::signature::Signature;
+use crate::thresholds::{LIMIT_FOLDS, MISFIT_MARGIN, SCORE_SD_PRIOR};
+use nalgebra::{DMatrix, DVector};
+use spikelane::error::Result;
+use spikelane::unstable::threads;
+use spikelane_calibrate::unstable::chi_square_over_freedom;
+
+/// How strict limits are.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LimitLevel {
+    /// Probability that a clean sensor exceeds a limit.
+    pub(super) probability: f64,
+    /// The upper quantile of the standard normal distribution at this probability.
+    normal_quantile: f64,
+    /// Factor of the total misfit's limit.
+    margin: f64,
+    /// Whether each score is divided by its own standard deviation.
+    has_own_score_sds: bool,
+}
+
+/// Limits beyond which something is missing in the model.
+pub(crate) const ALARM: LimitLevel =
+    LimitLevel { probability: 0.001, normal_quantile: 3.09, margin: MISFIT_MARGIN, has_own_score_sds: false };
+
+/// Limits within which a set agrees after the first simulations.
+pub(crate) const AGREEMENT: LimitLevel =
+    LimitLevel { probability: 0.05, normal_quantile: 1.645, margin: 1.0, has_own_score_sds: true };
+
+/// Limits of clean sensors. One of a thousand clean sensors exceeds a limit of a complete null model.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Limits {
+    /// Total misfit.
+    pub misfit: f64,
+    /// Largest deviation of one statistic, in standard deviations.
+    pub deviation: f64,
+    /// Largest score of a candidate.
+    pub score: f64,
+}
+
+/// What clean sensors show.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Clean {
+    pub limits: Limits,
+    /// Median of the total misfit, and its deviation.
+    pub floor: f64,
+    pub floor_sd: f64,
+    /// The standard deviation of each signature's score; empty for one.
+    pub(super) score_sds: Vec<f64>,
+}
+
+/// The base model's sensors that the null is made of.
+pub(crate) struct Base<'a> {
+    pub mean: &'a DVector<f64>,
+    /// Changes per unit of the base knobs.
+    pub jacobian: &'a DMatrix<f64>,
+    pub signatures: &'a [Signature],
+}
+
+impl Clean {
+    /// What clean sensors show, each part judged by the noise of the others.
+    pub(crate) fn of(
+        sensors: &[CleanSensor],
+        residuals: &[DVector<f64>],
+        lamps: &DMatrix<f64>,
+        floors: &[f64],
+        base: Base<'_>,
+        level: LimitLevel,
+    ) -> Result<Self> {
+        let fold = |f: usize| -> Result<Vec<Strays>> {
+            let others: Vec<DVector<f64>> = residuals
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| i % LIMIT_FOLDS != f)
+                .map(|(_, r)| r.clone())
+                .collect();
+            let metric = Metric::new(&noise(&others, floors)?.with_columns(lamps)?, base.jacobian.clone());
+            let own = sensors.iter().enumerate().filter(|(i, _)| i % LIMIT_FOLDS == f);
+            let all: Vec<&Signature> = base.signatures.iter().collect();
+            Ok(own.map(|(_, d)| Strays::new(&metric, &(&d.vector - base.mean), &all)).collect())
+        };
+        let folds = threads::try_map(0..LIMIT_FOLDS, fold)?;
+        let all: Vec<Strays> = folds.into_iter().flatten().collect();
+        let misfits: Vec<f64> = all.iter().map(|s| s.misfit).collect();
+        let deviations: Vec<f64> = all.iter().map(|s| s.deviation).collect();
+        let score_sds = if level.has_own_score_sds { score_sds(&all) } else { Vec::new() };
+        let scores: Vec<f64> = all.iter().map(|s| s.largest_score(&score_sds)).collect();
+        let (floor, floor_sd) = center(&misfits);
+        let limits = Limits {
+            // Two simulators of one camera differ in their last digits.
+            misfit: level.margin * gamma_limit(&misfits, level),
+            deviation: gumbel_limit(&deviations, level),
+            score: gumbel_limit(&scores, level),
+        };
+        Ok(Self { limits, floor, floor_sd, score_sds })
+    }
+}
+
+/// The standard deviation of each signature's score, at least one. Noise from few simulations has few correlations, and
+/// scores by it scatter more than by one.
+fn score_sds(all: &[Strays]) -> Vec<f64> {
+    let sensors = all.len() as f64;
+    let square = |k: usize| all.iter().map(|s| s.scores[k].powi(2)).sum::<f64>();
+    let sd = |k: usize| ((square(k) + SCORE_SD_PRIOR) / (sensors + SCORE_SD_PRIOR)).sqrt().max(1.0);
+    (0..all.first().map_or(0, |s| s.scores.len())).map(sd).collect()
+}
+
+/// How far something is from the model.
+pub(crate) struct Strays {
+    /// Total misfit.
+    pub misfit: f64,
+    /// Largest deviation of a statistic, in standard deviations.
+    pub deviation: f64,
+    /// The score of each signature.
+    pub scores: Vec<f64>,
+}
+
+impl Strays {
+    /// Of a vector that is `off` the model's mean.
+    pub(crate) fn new(metric: &Metric, off: &DVector<f64>, signatures: &[&Signature]) -> Self {
+        let dual = metric.dual(off);
+        Self {
+            misfit: off.dot(&dual),
+            deviation: metric.scores(off).into_iter().fold(0.0, |m: f64, x: f64| m.max(x.abs())),
+            scores: signatures.iter().map(|s| score_of(metric, &s.mean, &dual) / s.score_sd).collect(),
+        }
+    }
+
+    /// The largest score, each divided by its standard deviation; by one where there is none.
+    fn largest_score(&self, sds: &[f64]) -> f64 {
+        let sds = sds.iter().copied().chain(std::iter::repeat(1.0));
+        self.scores.iter().zip(sds).map(|(score, sd)| score / sd).fold(0.0, f64::max)
+    }
+}
+
+/// Total misfit, largest deviation and largest score of what is `off`.
+pub(crate) fn strays_by(metric: &Metric, off: &DVector<f64>, signatures: &[&Signature]) -> [f64; 3] {
+    let strays = Strays::new(metric, off, signatures);
+    [strays.misfit, strays.deviation, strays.largest_score(&[])]
+}
+
+/// How far something lies along `change`, in deviations; `dual` is its dual in `metric`.
+pub(super) fn score_of(metric: &Metric, change: &DVector<f64>, dual: &DVector<f64>) -> f64 {
+    let length = metric.square(change).sqrt();
+    if length > 0.0 { (change.dot(dual) / length).abs() } else { 0.0 }
+}
+
+/// Median and standard deviation.
+pub(crate) fn center(values: &[f64]) -> (f64, f64) {
+    let median = spikelane_measure::median(&mut values.to_vec());
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (median, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
+}
+
+fn moments(values: &[f64]) -> (f64, f64) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0))
+}
+
+/// Upper limit of a gamma distribution with the moments of `values`.
+pub(crate) fn gamma_limit(values: &[f64], level: LimitLevel) -> f64 {
+    let (mean, variance) = moments(values);
+    let freedom = 2.0 * mean * mean / variance.max(1e-12);
+    mean * chi_square_over_freedom(freedom, level.normal_quantile)
+}
+
+/// Upper limit of a Gumbel distribution with the moments of `values`.
+fn gumbel_limit(values: &[f64], level: LimitLevel) -> f64 {
+    let (mean, variance) = moments(values);
+    let beta = (6.0 * variance).sqrt() / std::f64::consts::PI;
+    mean - 0.577_215_7 * beta - beta * (-(1.0 - level.probability).ln()).ln()
+}

@@ -1,0 +1,103 @@
+//! How a candidate shows.
+
+use crate::null_model::mean::{average, shrink};
+use crate::null_model::metric::Metric;
+use crate::recordings::setup::Setup;
+use crate::sensors::catalog::Candidate;
+use crate::sensors::model::{Model, Sample};
+use crate::sensors::simulate;
+use crate::thresholds::MIN_SIGNATURE_SQUARE;
+use nalgebra::DVector;
+use spikelane::effects::definition::SearchScale;
+use spikelane::error::Result;
+
+/// How a candidate shows at one position.
+#[derive(Clone, Debug)]
+pub(crate) struct Signature {
+    pub candidate: Candidate,
+    /// Change of the vector, mean and of each simulation.
+    pub mean: DVector<f64>,
+    pub each: Vec<DVector<f64>>,
+    /// Standard deviation of the score of clean sensors. It exceeds one if few simulations hide correlations.
+    pub score_sd: f64,
+}
+
+impl Signature {
+    /// `each` are the changes of the vector in simulations. `spread` has the standard deviation of each statistic.
+    pub(super) fn new(candidate: Candidate, each: Vec<DVector<f64>>, spread: &[f64]) -> Self {
+        // The noise of a single simulation is as long as a weak signature.
+        let mean = match each.as_slice() {
+            [only] => shrink(only.clone(), spread, 1),
+            _ => average(&each),
+        };
+        Self { candidate, mean, each, score_sd: 1.0 }
+    }
+
+    /// Estimates the amplitude of the effect in units of the tried amplitude. `dual` is a deviation in `metric`. Returns
+    /// `None` if the signature is lost in its own noise.
+    pub(crate) fn amplitude(&self, metric: &Metric, dual: &DVector<f64>) -> Option<AmplitudeEstimate> {
+        let [first, second] = self.two_estimates();
+        let square = metric.dual(first).dot(second);
+        (square > MIN_SIGNATURE_SQUARE).then(|| AmplitudeEstimate {
+            value: self.mean.dot(dual) / square,
+            sd: self.score_sd * metric.square(&self.mean).sqrt() / square,
+        })
+    }
+
+    /// Two estimates of the change. Their noise is independent if there are two simulations.
+    pub(super) fn two_estimates(&self) -> [&DVector<f64>; 2] {
+        match self.each.as_slice() {
+            [first, second, ..] => [first, second],
+            _ => [&self.mean, &self.mean],
+        }
+    }
+}
+
+/// An amplitude with its standard deviation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AmplitudeEstimate {
+    pub value: f64,
+    pub sd: f64,
+}
+
+/// Whether `b` is the same effect as `a` with the opposite sign.
+pub(super) fn is_mirrored(a: &Candidate, b: &Candidate) -> bool {
+    let is_linear = a.knobs.first().is_some_and(|knob| knob.scale == SearchScale::Linear);
+    let opposite = |a: f64, b: f64| (a + b).abs() < 1e-9 * a.abs();
+    is_linear && a.effect == b.effect && opposite(a.at[0], b.at[0]) && a.at[1..] == b.at[1..]
+}
+
+/// How much further than tried the amplitude can go.
+pub(crate) fn reach(s: &Signature) -> f64 {
+    let (knob, u) = (s.candidate.knobs[0], s.candidate.at[0]);
+    let most = knob.position(if u * knob.unit < 0.0 && knob.scale == SearchScale::Linear {
+        knob.range.0
+    } else {
+        knob.range.1
+    });
+    (most / u).abs().max(1.0)
+}
+
+impl Candidate {
+    /// The sample of the base model with this candidate.
+    pub(super) fn sample(&self, base: &Model, recordings: usize) -> Result<Sample> {
+        let mut model = base.clone();
+        let zero = vec![0.0; model.knobs.len()];
+        model.knobs.extend(self.knobs.iter().copied());
+        model.sample(&[zero.as_slice(), &self.at].concat(), &[], recordings)
+    }
+}
+
+/// What `candidate` changes in the base sensor with draws number `i`, of which `baseline` has the vectors.
+pub(super) fn changed_by(
+    candidate: &Candidate,
+    setup: &Setup,
+    base: &Model,
+    seed: u64,
+    baseline: &[DVector<f64>],
+    i: usize,
+) -> Result<DVector<f64>> {
+    let sample = candidate.sample(base, setup.recordings.len())?;
+    let values = simulate::values(setup, &sample, seed + i as u64)?;
+    Ok(DVector::from_vec(values) - &baseline[i])
+}

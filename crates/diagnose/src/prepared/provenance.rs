@@ -1,0 +1,110 @@
+//! What a report says of the sets it is about.
+
+use crate::prepared::base_model::{BaseModel, BaseParameter};
+use crate::prepared::recordings::{PreparedSet, Recordings};
+use serde::Serialize;
+use spikelane::effects::Camera;
+use spikelane_calibrate::{RecordedCamera, Stimulus, StimulusPattern};
+
+/// A recording as it was judged.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct JudgedRecording {
+    /// Its file.
+    pub file: String,
+    /// Its light, in words.
+    pub light: String,
+    /// Readouts that were looked at.
+    pub readouts: usize,
+    /// Readouts before these.
+    pub first_readout: usize,
+}
+
+/// The sets, the camera and the numbers that a diagnosis began with.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Provenance {
+    /// The set's file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub set_file: Option<String>,
+    /// Description of the recorded camera.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recorded_camera: Option<RecordedCamera>,
+    /// What was typed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub command: Option<String>,
+    /// When, in universal time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub date: Option<String>,
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Readouts per second.
+    pub readout_hz: f64,
+    /// The fitted recordings.
+    pub recordings: Vec<JudgedRecording>,
+    /// What judged them: a second set, the second halves, or nothing.
+    pub held_out: String,
+    /// The model that it began with.
+    pub camera: String,
+    /// Seed of the simulations.
+    pub seed: u64,
+    /// Its numbers.
+    pub base_parameters: Vec<BaseParameter>,
+}
+
+impl Provenance {
+    /// Describes the recordings, and the model with which they were compared. `given` is the camera of the caller. `base` is
+    /// `None` if no calibration was possible.
+    pub(crate) fn of(
+        recordings: &Recordings,
+        given: Option<&Camera>,
+        base: Option<&BaseModel>,
+        seed: u64,
+    ) -> Self {
+        let PreparedSet { set, setup, .. } = &recordings.fitted;
+        let judged = setup.recordings.iter().map(|s| JudgedRecording {
+            file: s.file_name(),
+            light: words(s.light),
+            readouts: s.readouts,
+            first_readout: s.first_readout,
+        });
+        let maps = set.rate_maps.iter().filter(|_| setup.has_rate_maps).map(|m| JudgedRecording {
+            file: m.file.clone(),
+            light: format!("rate map at {}", m.light),
+            readouts: m.readouts.unwrap_or(0) as usize,
+            first_readout: 0,
+        });
+        Self {
+            width: setup.geometry.width(),
+            height: setup.geometry.height(),
+            readout_hz: setup.readout_hz,
+            recorded_camera: set.camera.clone(),
+            recordings: judged.chain(maps).collect(),
+            held_out: recordings.held_out.description().to_owned(),
+            camera: match (given, base) {
+                (Some(given), _) => given.name.clone(),
+                (None, Some(_)) => "the published model, calibrated".to_owned(),
+                (None, None) => "none, because no calibration was possible".to_owned(),
+            },
+            seed,
+            base_parameters: base.map_or_else(Vec::new, |b| b.numbers.clone()),
+            ..Self::default()
+        }
+    }
+}
+
+pub(crate) fn words(light: Stimulus) -> String {
+    match light {
+        Stimulus::Level(0.0) => "dark".to_owned(),
+        Stimulus::Level(level) => format!("{level}"),
+        Stimulus::Scene(StimulusPattern::Square { high, low, half_period }) => {
+            format!("{high} and {low} alternating, {half_period} readouts each")
+        }
+        Stimulus::Scene(StimulusPattern::Checkerboard { high, low, cell }) => {
+            format!("squares of {cell} pixels, {high} and {low}")
+        }
+        _ => "a static scene of unknown light".to_owned(),
+    }
+}

@@ -1,0 +1,119 @@
+//! The steps of a square wave, located in the spikes per readout.
+//!
+//! A camera that loses or repeats readouts does not stop the lamp, and a recording may begin at any phase of the wave.
+//! The steps therefore deviate from the protocol. With the times of the protocol, one lost readout would change every
+//! later statistic.
+
+/// Number of readouts after a step from which the response serves as the steady reference. It is twice the largest time
+/// constant with which image lag is tried (150), and the end of the last window after a step.
+pub(crate) const STEADY_READOUTS: usize = 300;
+
+/// Number of excluded readouts after a fall, because the first interval contains charge of the brighter light.
+pub(crate) const SETTLED_READOUTS: usize = 20;
+
+/// Shortest stretch whose response is measured, in readouts: at least 20 readouts are steady.
+const MIN_STRETCH_READOUTS: usize = STEADY_READOUTS + 20;
+
+/// Number of successive readouts on the other side of the middle that make a step.
+const MIN_AGREEING_READOUTS: usize = 4;
+
+/// Smallest difference between both lights in standard deviations of a Poisson count. Lights with a smaller difference
+/// have no detectable steps.
+const MIN_STEP_SDS: f64 = 6.0;
+
+/// The readouts between two steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Stretch {
+    /// Whether the stretch follows a rise.
+    pub is_bright: bool,
+    /// First readout.
+    pub from: usize,
+    /// First readout after the stretch.
+    pub to: usize,
+}
+
+/// Returns the stretches that are long enough for a response. Each begins at a step, so the time before the first step
+/// is excluded. `half` is the half period of the protocol in readouts.
+pub(crate) fn find_stretches(totals: &[u32], half: usize) -> Vec<Stretch> {
+    // A step needs several readouts for its detection. The last readouts may follow an undetected step, for example
+    // where lost readouts shorten the last wave.
+    let (steps, end) = match find_steps(totals, half) {
+        Some(steps) => (steps, (totals.len() + 1).saturating_sub(MIN_AGREEING_READOUTS)),
+        None => {
+            let steps = (half..totals.len()).step_by(half);
+            (steps.map(|at| (at, (at / half).is_multiple_of(2))).collect(), totals.len())
+        }
+    };
+    let ends = steps.iter().skip(1).map(|s| s.0).chain([end]);
+    let all = steps.iter().zip(ends).map(|(s, to)| Stretch { is_bright: s.1, from: s.0, to });
+    all.filter(|s| s.to - s.from >= MIN_STRETCH_READOUTS).collect()
+}
+
+/// Returns the readouts of the steps and whether each step rises, or `None` if the two lights are too similar.
+fn find_steps(totals: &[u32], half: usize) -> Option<Vec<(usize, bool)>> {
+    let mut sorted = totals.to_vec();
+    sorted.sort_unstable();
+    let [low, high] = [1, 3].map(|q| f64::from(*sorted.get(totals.len() * q / 4).unwrap_or(&0)));
+    if high - low <= MIN_STEP_SDS * high.sqrt() {
+        return None;
+    }
+    let middle = 0.5 * (low + high);
+    let is_above = |t: usize| f64::from(totals[t]) > middle;
+    let mut steps: Vec<(usize, bool)> = Vec::new();
+    let mut bright = totals.iter().take(MIN_AGREEING_READOUTS).filter(|c| f64::from(**c) > middle).count()
+        * 2
+        > MIN_AGREEING_READOUTS;
+    let mut at = 0;
+    while at + MIN_AGREEING_READOUTS <= totals.len() {
+        if (at..at + MIN_AGREEING_READOUTS).all(|t| is_above(t) != bright) {
+            bright = !bright;
+            steps.push((at, bright));
+            at += half / 4;
+        }
+        at += 1;
+    }
+    Some(steps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stretch(is_bright: bool, from: usize, to: usize) -> Stretch {
+        Stretch { is_bright, from, to }
+    }
+
+    #[test]
+    fn steps_are_located_in_recordings_with_lost_readouts() {
+        // The readouts 130 and 700 to 719 are lost.
+        let light = (0..2000).filter(|t| *t != 130 && !(700..720).contains(t));
+        let totals: Vec<u32> =
+            light.map(|t| if t / 500 % 2 == 0 { 600 + t % 7 } else { 100 - t % 5 }).collect();
+        let wanted = [stretch(false, 499, 979), stretch(true, 979, 1479), stretch(false, 1479, 1976)];
+        assert_eq!(find_stretches(&totals, 500), wanted);
+    }
+
+    #[test]
+    fn a_step_in_the_last_readouts_ends_no_stretch_late() {
+        for behind in 0..MIN_AGREEING_READOUTS {
+            let totals: Vec<u32> =
+                (0..2000 + behind).map(|t| if t / 500 % 2 == 0 { 600 } else { 100 }).collect();
+            let last = *find_stretches(&totals, 500).last().unwrap();
+            assert!(!last.is_bright && last.from == 1500 && (1997..=2000).contains(&last.to), "{last:?}");
+        }
+    }
+
+    #[test]
+    fn similar_lights_have_the_steps_of_the_protocol() {
+        let totals: Vec<u32> = (0..1800).map(|t| 400 + t % 90).collect();
+        let wanted = [stretch(false, 500, 1000), stretch(true, 1000, 1500)];
+        assert_eq!(find_stretches(&totals, 500), wanted);
+    }
+
+    #[test]
+    fn dark_or_short_recordings_have_no_stretch() {
+        assert!(find_steps(&[], 500).is_none());
+        assert_eq!(find_stretches(&[900, 0], 500), [], "shorter than a step");
+        assert_eq!(find_stretches(&[0; 300], 500), []);
+    }
+}

@@ -1,0 +1,245 @@
+//! A diagnosis in four stages: [`Recordings`], [`Prepared`], [`Search`], [`Diagnosis`].
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use crate::null_model::baseline::{Baseline, FIRST_SIGNATURE_DRAWS};
+use crate::null_model::model::NullModel;
+use crate::null_model::preliminary_result::PreliminaryResult;
+use crate::prepared::base_model::{BaseModel, color_filter_error};
+use crate::prepared::preparation::Prepared;
+use crate::prepared::provenance::Provenance;
+use crate::prepared::recordings::{HeldOut, Recordings};
+use crate::recordings::extent::ReadoutSelection;
+use crate::recordings::setup::{check_sufficient, same_protocol};
+use crate::search::round::Undecided;
+use crate::search::state::Search;
+use crate::sensors::cache::SimulationCache;
+use crate::sensors::deadline::{Deadline, SimulationContext, in_time};
+use crate::sensors::model::published;
+use crate::verdict::diagnosis::Diagnosis;
+use crate::verdict::qualifications::qualify;
+use spikelane::effects::{Camera, Catalog, Maps, readout_jitter, start_phase};
+use spikelane::error::Result;
+use spikelane_calibrate::{
+    ColorFilters, ProgressCallback, Recording, RecordingSet, Stimulus, StimulusPattern,
+};
+
+/// Options of a diagnosis.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DiagnoseOptions<'a> {
+    /// The initial model; if `None`, the published model is calibrated.
+    pub camera: Option<&'a Camera>,
+    /// Simulations of an earlier diagnosis under the same protocol.
+    ///
+    /// The sets are then judged as they are. They are not calibrated, and neither lamps nor the start of recordings
+    /// are checked.
+    pub null_model: Option<&'a NullModel>,
+    /// Seed of all simulations.
+    pub seed: u64,
+    /// The readouts of large recordings that are judged.
+    pub readout_selection: ReadoutSelection,
+    /// Effects that are searched; if `None`, those of this library. A `null_model` has its own effects.
+    pub effects: Option<&'a Catalog>,
+    /// Folder of cached simulations, which a further diagnosis of the same sets can reuse, also after one that was
+    /// stopped.
+    ///
+    /// The cache changes no result. The simulations of a `null_model` are not cached. A simulation is reused if
+    /// protocol, camera, lamps and seed are identical to the bit. It must also come from the same version of this
+    /// library and of its results.
+    ///
+    /// Each simulation is a file that appears only when it is complete, so several processes can use one folder. A
+    /// damaged file is simulated again. Files are never deleted. Each version has its own subfolder, with some
+    /// megabytes per diagnosis. You may delete a subfolder when no diagnosis is running. The version does not cover
+    /// the code of `effects` from another crate: use another folder if that code changes.
+    pub cache: Option<&'a Path>,
+    /// Longest time for simulations, from the start of the diagnosis.
+    ///
+    /// At the limit, the diagnosis ends with the best result so far, and the field `undecided` of [`Diagnosis`] lists the open
+    /// questions. Reading, calibrating and writing do not stop at the limit. A result within the limit does not depend
+    /// on it. After the limit, the result depends on the speed of the machine; with `cache`, a further diagnosis
+    /// continues.
+    pub time_limit: Option<Duration>,
+}
+
+/// Finds the effects that a camera model is missing.
+///
+/// With `holdout`, the second set judges the effects that the first one shows. Without it, every recording is cut in
+/// the middle, and the second half judges.
+///
+/// # Errors
+/// If a recording cannot be read or is too short, or the protocols of the sets differ. If the light of a set has another
+/// unit. If the cache folder cannot be created or written to.
+pub fn diagnose(
+    set: &RecordingSet,
+    holdout: Option<&RecordingSet>,
+    options: DiagnoseOptions<'_>,
+    progress: ProgressCallback<'_>,
+) -> Result<Diagnosis> {
+    diagnose_with_preliminary(set, holdout, options, progress, &mut |_| {})
+}
+
+/// Finds missing effects as [`diagnose`] does, and passes a preliminary result to `on_preliminary`.
+///
+/// The preliminary result takes a third of the time of a diagnosis that finds nothing.
+///
+/// # Errors
+/// See [`diagnose`].
+pub fn diagnose_with_preliminary(
+    set: &RecordingSet,
+    holdout: Option<&RecordingSet>,
+    options: DiagnoseOptions<'_>,
+    progress: ProgressCallback<'_>,
+    on_preliminary: &mut dyn FnMut(&PreliminaryResult),
+) -> Result<Diagnosis> {
+    let start = Instant::now();
+    let cache = options.cache.map(SimulationCache::open).transpose()?;
+    let context = SimulationContext { cache, deadline: Deadline::new(start, options.time_limit) };
+    progress("reading", 0.0);
+    let stated = || [Some(set), holdout].into_iter().flatten();
+    stated().try_for_each(check_gray)?;
+    let sets = [set, holdout.unwrap_or(set)];
+    let held_out = match holdout {
+        Some(_) => HeldOut::SecondSet,
+        None if is_divisible(set) => HeldOut::SecondHalves,
+        None => HeldOut::None,
+    };
+    let mut diagnosis = match options.null_model {
+        Some(null_model) => {
+            let recordings = Recordings::unchecked(sets, held_out, options.readout_selection, &[])?;
+            with_null_model(&recordings, &null_model.within(&context.deadline), options.camera, progress)?
+        }
+        None => {
+            stated().try_for_each(RecordingSet::check_light_unit)?;
+            let recordings = Recordings::read(sets, held_out, options.readout_selection)?;
+            with_simulations(recordings, options, &context, progress, on_preliminary)?
+        }
+    };
+    diagnosis.cache_counts = context.cache.map(|cache| [cache.hit_count(), cache.miss_count()]);
+    diagnosis.seconds = start.elapsed().as_secs_f64();
+    Ok(diagnosis)
+}
+
+/// Returns whether the recordings of `set` can be cut in two: it has streams, and none shows a static scene of unknown light.
+fn is_divisible(set: &RecordingSet) -> bool {
+    let is_static = |r: &Recording| matches!(r.light, Stimulus::Scene(StimulusPattern::StaticUnknown {}));
+    !set.recordings.is_empty() && !set.recordings.iter().any(is_static)
+}
+
+/// Returns an error if `set` states the color filters of its camera.
+fn check_gray(set: &RecordingSet) -> Result<()> {
+    match set.color_filters()? {
+        ColorFilters::Mosaic(mosaic) => Err(color_filter_error(format_args!("the mosaic {mosaic}"))),
+        ColorFilters::Unknown | ColorFilters::Absent => Ok(()),
+    }
+}
+
+/// Diagnoses recordings with the null model of an earlier diagnosis.
+fn with_null_model(
+    recordings: &Recordings,
+    null_model: &NullModel,
+    camera: Option<&Camera>,
+    progress: ProgressCallback<'_>,
+) -> Result<Diagnosis> {
+    let [fitted, judging] = [&recordings.fitted.setup, &recordings.judging.setup];
+    check_sufficient(fitted, camera.is_some())?;
+    same_protocol(fitted, judging)?;
+    same_protocol(fitted, &null_model.setup)?;
+    let search = Search::new(recordings, null_model)?;
+    let found = search.add_effects(progress)?;
+    search.diagnosis(found, camera, progress)
+}
+
+/// Diagnoses recordings in three stages: preparation, comparison with simulated sensors, qualification of the result.
+fn with_simulations(
+    recordings: Recordings,
+    options: DiagnoseOptions<'_>,
+    context: &SimulationContext,
+    progress: ProgressCallback<'_>,
+    on_preliminary: &mut dyn FnMut(&PreliminaryResult),
+) -> Result<Diagnosis> {
+    let DiagnoseOptions { camera, seed, .. } = options;
+    let fitted = &recordings.fitted.setup;
+    same_protocol(fitted, &recordings.judging.setup)?;
+    if let Err(error) = check_sufficient(fitted, camera.is_some()) {
+        if recordings.faults.is_empty() {
+            return Err(error);
+        }
+        let camera_or_published = camera.map_or_else(|| published(fitted), |c| Ok(c.clone()))?;
+        let provenance = Some(Provenance::of(&recordings, camera, None, seed));
+        return Ok(Diagnosis { provenance, ..Diagnosis::stopped(recordings.faults, camera_or_published) });
+    }
+    progress("calibrating", 0.01);
+    let base = BaseModel::of(&recordings, camera)?;
+    let prepared = Prepared::new(recordings, base, camera.is_some(), seed, context, progress)?;
+    let library = Catalog::new();
+    let baseline = prepared.baseline(options.effects.unwrap_or(&library), progress);
+    let mut diagnosis = match in_time(baseline)? {
+        Some(baseline) => compare(&prepared, baseline, camera.is_some(), progress, on_preliminary)?,
+        None => {
+            let faults = prepared.recordings.faults.clone();
+            Diagnosis::without_comparison(faults, prepared.base.camera.clone())
+        }
+    };
+    restore(&mut diagnosis.camera, camera)?;
+    let Prepared { recordings, base, .. } = prepared;
+    diagnosis.provenance = Some(Provenance::of(&recordings, camera, Some(&base), seed));
+    diagnosis.notes.extend(base.notes);
+    Ok(diagnosis)
+}
+
+/// Compares recordings with the first simulations. If they do not agree, completes the null model and searches for effects.
+///
+/// The limits of the first simulations are stricter than those of a search, so a set that agrees raises no alarm later.
+fn compare(
+    prepared: &Prepared,
+    baseline: Baseline,
+    is_given: bool,
+    progress: ProgressCallback<'_>,
+    on_preliminary: &mut dyn FnMut(&PreliminaryResult),
+) -> Result<Diagnosis> {
+    let Prepared { recordings, base, .. } = prepared;
+    let given = is_given.then_some(&base.camera);
+    let first_model = NullModel::preliminary(&baseline)?;
+    let first = Search::new(recordings, &first_model)?;
+    if let Some(found) = first.agreement()? {
+        let mut diagnosis = first.diagnosis(found, given, progress)?;
+        // All simulations test the parameters of a camera file.
+        if diagnosis.parameter_mismatches.is_empty() {
+            qualify(&mut diagnosis, &first_model);
+            return Ok(diagnosis);
+        }
+    }
+    let preliminary = PreliminaryResult::new(&first_model, &first.fitter.data);
+    on_preliminary(&preliminary);
+    let complete = in_time(NullModel::complete(baseline, FIRST_SIGNATURE_DRAWS, progress))?;
+    let (found, search) = match &complete {
+        Some(null_model) => {
+            let search = Search::new(recordings, null_model)?;
+            (search.find_effects(&base.camera, progress)?, search)
+        }
+        None => (first.unfinished(Undecided::Agreement(preliminary.likely_effects))?, first),
+    };
+    let mut diagnosis = search.diagnosis(found, given, progress)?;
+    qualify(&mut diagnosis, search.fitter.reference);
+    Ok(diagnosis)
+}
+
+/// What stood aside for the search: the camera's maps, its band of jitter, and where its recordings start.
+fn restore(camera: &mut Camera, given: Option<&Camera>) -> Result<()> {
+    if let Some(jitter) = given.and_then(|given| given.effect(readout_jitter::EFFECT.name)) {
+        *camera = camera.clone().with_effect(jitter.clone());
+    }
+    if let Some(given) = given
+        && given.maps != Maps::default()
+    {
+        camera.maps = given.maps.clone();
+    }
+    let plain = camera.clone();
+    *camera = match given.map(|given| given.effect(start_phase::EFFECT.name)) {
+        Some(Some(own)) => plain.with_effect(own.clone()),
+        Some(None) => plain.without_effect(start_phase::EFFECT.name),
+        None => plain.with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?),
+    };
+    Ok(())
+}

@@ -1,0 +1,62 @@
+//! Signatures of swinging light at the frequency that a set shows.
+
+use crate::null_model::model::NullModel;
+use crate::null_model::signature::Signature;
+use crate::sensors::catalog::Candidate;
+use crate::statistics::measured_set::MeasuredSet;
+use crate::statistics::spectrum::{line, power, refine_line};
+use crate::thresholds::MIN_LINE_POWER;
+use spikelane::effects::Definition;
+use spikelane::error::Result;
+
+/// The signatures, with those of swinging light at the frequency that the frame totals show.
+///
+/// The statistics of static scenes do not contain the totals, because the scene also changes them. An oscillation would only
+/// replace other noise there, so it is not a candidate: a line in the totals is a fault of the light.
+pub(crate) fn with_line(reference: &NullModel, measured: &MeasuredSet) -> Result<Vec<Signature>> {
+    let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
+    if setup.only_still() {
+        signatures.retain(|s| line_of(s.candidate.effect).is_none());
+        return Ok(signatures);
+    }
+    let mut best = (0.0, MIN_LINE_POWER);
+    let mut bright: Vec<&[u32]> = Vec::new();
+    for (scene, scan) in setup.recordings.iter().zip(&measured.scans) {
+        if scene.is_constant() && scene.brightness() >= 0.2 {
+            let found = line(&power(&scan.totals), scan.totals.len());
+            best = if found.1 > best.1 { found } else { best };
+            bright.push(&scan.totals);
+        }
+    }
+    if best.0 == 0.0 {
+        return Ok(signatures);
+    }
+    let frequency = refine_line(&bright, best.0);
+    // One at the line stands for those at the frequencies that a strength is judged by.
+    let mut kept: Vec<&Definition> = Vec::new();
+    signatures.retain(|s| {
+        let (effect, again) = (s.candidate.effect, kept.contains(&s.candidate.effect));
+        kept.push(effect);
+        line_of(effect).is_none() || !again
+    });
+    for signature in &mut signatures {
+        let Some(line) = line_of(signature.candidate.effect) else { continue };
+        let mut candidate: Candidate = signature.candidate.clone();
+        for (knob, at) in candidate.knobs.iter_mut().zip(&mut candidate.at) {
+            if knob.key == line {
+                knob.center = frequency * setup.readout_hz;
+                // A third of the line's width: what the sharpened line leaves open.
+                let bin = 0.3 / (frequency * setup.recordings[0].readouts as f64);
+                knob.range = (knob.center * (1.0 - bin), knob.center * (1.0 + bin));
+                *at = 0.0;
+            }
+        }
+        *signature = reference.signature(candidate)?;
+    }
+    Ok(signatures)
+}
+
+/// The key of an effect's frequency, if it makes the light swing.
+fn line_of(effect: &Definition) -> Option<&'static str> {
+    effect.searched_params().find(|(_, tried)| tried.is_frequency).map(|(param, _)| param.key)
+}

@@ -1,0 +1,167 @@
+//! The comparison of recordings with a null model, and fitted models in it.
+
+use crate::events::locations::Events;
+use crate::fits::fit::Fit;
+use crate::fits::fitter::Fitter;
+use crate::fits::self_consistency::SelfConsistency;
+use crate::light::lamp::lamps_of;
+use crate::null_model::limits::strays_by;
+use crate::null_model::model::NullModel;
+use crate::null_model::signature::Signature;
+use crate::prepared::recordings::{HeldOut, Recordings};
+use crate::recordings::setup::Setup;
+use crate::search::line_signatures::with_line;
+use crate::search::round::Step;
+use crate::sensors::deadline::in_time;
+use nalgebra::DVector;
+use spikelane::error::Result;
+
+/// The comparison of recordings with one null model, in which effects are searched.
+pub(crate) struct Search<'a> {
+    pub recordings: &'a Recordings,
+    /// The null model and the statistics of the fitted set.
+    pub fitter: Fitter<'a>,
+    /// Statistics of the held-out set, at the light of the null model.
+    pub held_out_data: DVector<f64>,
+    /// Changes of the statistics by each effect. An oscillation of the light has the frequency of the fitted set.
+    pub signatures: Vec<Signature>,
+    /// Lost and repeated readouts of both sets.
+    pub located: Events,
+}
+
+/// A fitted model, what its own sensors show, and what the data have beyond that.
+#[derive(Clone)]
+pub(crate) struct TestedFit {
+    pub fit: Fit,
+    pub own: SelfConsistency,
+    /// What the held-out set is off.
+    pub off: DVector<f64>,
+    /// Whether anything is above its limit in either set, and in the fitted one.
+    pub left: bool,
+    pub left_fitted: bool,
+}
+
+impl TestedFit {
+    /// How unlikely the held-out set is.
+    pub(crate) fn deviance(&self) -> f64 {
+        self.fit.deviance_of(&self.off)
+    }
+}
+
+impl<'a> Search<'a> {
+    /// Compares `recordings` with `reference`. After the time limit, the signatures are those of the null model.
+    pub(crate) fn new(recordings: &'a Recordings, reference: &'a NullModel) -> Result<Self> {
+        let [fitted, judging] = [&recordings.fitted.measured, &recordings.judging.measured];
+        let signatures = in_time(with_line(reference, fitted))?;
+        let scenes = &recordings.fitted.setup.recordings;
+        let is_held_out = recordings.held_out.is_any();
+        let located = Events::new(fitted.located.clone(), judging.located.clone(), is_held_out, scenes);
+        let [data, held_out_data] =
+            [fitted, judging].map(|m| reference.shifted(&DVector::from_column_slice(&m.values)));
+        Ok(Self {
+            recordings,
+            fitter: Fitter { reference, data },
+            held_out_data,
+            signatures: signatures.unwrap_or_else(|| reference.signatures.clone()),
+            located,
+        })
+    }
+}
+
+impl Search<'_> {
+    /// Returns the protocol and the light of the held-out set, if they differ from those of the fitted set.
+    fn held_out_setup(&self) -> Option<&Setup> {
+        let Recordings { fitted, judging, held_out, .. } = self.recordings;
+        let is_other = *held_out == HeldOut::SecondHalves || !judging.setup.has_light_of(&fitted.setup);
+        is_other.then_some(&judging.setup)
+    }
+
+    /// Returns the mean that `fit` predicts for the held-out set. The lamps of this set differ from those of the fitted set.
+    fn held_out_mean(&self, fit: &Fit) -> Result<DVector<f64>> {
+        let reference = self.fitter.reference;
+        let setup = self.held_out_setup();
+        if setup.is_none() && !fit.model.pinned.is_any() {
+            return Ok(fit.mean.clone());
+        }
+        let mut model = fit.judging();
+        let Some(setup) = setup else {
+            return Ok(reference.mean_of(&model, &fit.u, fit.each.len(), Vec::new())?.mean);
+        };
+        // A fit moves the lamps of the fitted set if its effects change the rates. The lamps of this set move as much.
+        let of_set = lamps_of(setup);
+        let found = model.lamps.iter().zip(&reference.model.lamps).zip(&of_set);
+        let found: Vec<f64> =
+            found.map(|((lamp, base), own)| own.offset + lamp.offset - base.offset).collect();
+        model.lit_by(&found);
+        reference.mean_under(setup, &model, &fit.u)
+    }
+
+    /// Returns the deviation of the held-out set from the mean of `fit`.
+    fn held_out_off(&self, fit: &Fit) -> Result<DVector<f64>> {
+        Ok(&self.held_out_data - self.held_out_mean(fit)?)
+    }
+
+    /// Whether anything is beyond the limits of the base model.
+    pub(crate) fn base_alarm(&self) -> bool {
+        let Fitter { reference, data } = &self.fitter;
+        let (fit, own) =
+            (Fit::base(reference, data, self.located.clone()), SelfConsistency::of_base(reference));
+        self.alarm(&fit, &own, &(data - &own.mean))
+    }
+
+    pub(crate) fn base(&self) -> Result<TestedFit> {
+        let Fitter { reference, data } = &self.fitter;
+        let (fit, own) =
+            (Fit::base(reference, data, self.located.clone()), SelfConsistency::of_base(reference));
+        let left = self.alarm(&fit, &own, &(data - &own.mean));
+        // Without time for simulations at the light of the held-out set, the light of the fitted set must do.
+        let off = in_time(self.held_out_off(&fit))?;
+        let off = off.unwrap_or_else(|| &self.held_out_data - &reference.mean);
+        Ok(TestedFit { off, fit, own, left, left_fitted: left })
+    }
+
+    pub(crate) fn judged(&self, fit: Fit, own: SelfConsistency) -> Result<TestedFit> {
+        let off = self.held_out_off(&fit)?;
+        let left_fitted = self.alarm(&fit, &own, &(&self.fitter.data - &own.mean));
+        let left = left_fitted || self.alarm(&fit, &own, &off);
+        Ok(TestedFit { fit, own, off, left, left_fitted })
+    }
+
+    /// How unlikely the held-out set is under a fit that was not judged yet.
+    pub(crate) fn deviance(&self, fit: &Fit) -> Result<f64> {
+        Ok(fit.deviance_of(&self.held_out_off(fit)?))
+    }
+
+    /// Squared distance of the fitted and of the held-out set, with what calibration fits taken out.
+    pub(crate) fn gaps(&self, at: &TestedFit) -> [f64; 2] {
+        [at.fit.misfit, self.fitter.reference.metric.square(&at.off)]
+    }
+
+    /// What a step from one model to another did to them.
+    pub(crate) fn step(&self, before: &TestedFit, after: &TestedFit) -> Step {
+        Step { before: self.gaps(before), after: self.gaps(after) }
+    }
+
+    fn alarm(&self, fit: &Fit, own: &SelfConsistency, off: &DVector<f64>) -> bool {
+        alarm(fit, own, off, &self.signatures)
+    }
+}
+
+/// Returns the total deviation, the largest deviation of a statistic and the largest score of an effect that the model
+/// lacks, each with its limit. `off` is the deviation of the statistics from the mean of `fit`.
+pub(crate) fn values_and_limits(
+    fit: &Fit,
+    own: &SelfConsistency,
+    off: &DVector<f64>,
+    signatures: &[Signature],
+) -> [(f64, f64); 3] {
+    let open: Vec<&Signature> = signatures.iter().filter(|s| fit.lacks(s)).collect();
+    let [misfit, deviation, score] = strays_by(&own.metric, off, &open);
+    let limits = own.limits;
+    [(misfit, limits.misfit), (deviation, limits.deviation), (score, limits.score)]
+}
+
+/// Returns whether a value exceeds its limit.
+pub(crate) fn alarm(fit: &Fit, own: &SelfConsistency, off: &DVector<f64>, signatures: &[Signature]) -> bool {
+    values_and_limits(fit, own, off, signatures).iter().any(|(value, limit)| value > limit)
+}

@@ -1,0 +1,124 @@
+//! Sections of the report about the recordings, the initial model, the terms and the command.
+
+use crate::prepared::base_model::{BaseParameter, NumberSource};
+use crate::prepared::provenance::Provenance;
+use crate::verdict::diagnosis::Diagnosis;
+use spikelane_measure::report::{Cell, Table};
+
+/// Terms of the tables and plots, with their definitions.
+const TERMS: [(&str, &str); 17] = [
+    (
+        "discrepancy",
+        "squared distance of all statistics from the model, in standard deviations squared, without the directions that calibration fits",
+    ),
+    ("noise floor", "mean discrepancy of simulated sensors of the final model"),
+    (
+        "standard deviations",
+        "deviation of a statistic from the model, divided by the standard deviation between simulated sensors of the model",
+    ),
+    (
+        "fitted, held out",
+        "recordings to which parameters were fitted, and recordings that test whether an effect improves the model",
+    ),
+    (
+        "spread about the line",
+        "interquartile range of the differences between the rate of a pixel and its line as a function of the light",
+    ),
+    (
+        "rate against the pixel's line",
+        "mean difference between the rate of a pixel and its line as a function of the light",
+    ),
+    (
+        "rate against the line, by gain",
+        "change of the difference between rate and line from pixels of low gain to pixels of high gain",
+    ),
+    (
+        "interval variance",
+        "variance of the time between a spike and the n-th later spike (n is the lag), minus the part due to whole readouts, in thresholds squared",
+    ),
+    ("interval covariance", "covariance of successive intervals of a pixel"),
+    (
+        "short intervals",
+        "intervals shorter than the two whole numbers of readouts around the mean; long intervals correspondingly",
+    ),
+    (
+        "change between halves",
+        "change of the number of spikes of a pixel from the first half of a recording to the second half",
+    ),
+    (
+        "second half over first",
+        "rate of all pixels in the second half of a recording, divided by the rate in the first half",
+    ),
+    (
+        "power of the total",
+        "power of the number of spikes per readout, divided by the power of as many independent spikes",
+    ),
+    ("line in the total", "strongest single frequency in the number of spikes per readout"),
+    (
+        "neighbors",
+        "neighboring pixels that fire at the same readout or at the next readout, compared with chance",
+    ),
+    (
+        "pixels far above",
+        "pixels more than five robust standard deviations above the median of a map; far below correspondingly",
+    ),
+    (
+        "halves of a row together",
+        "correlation between the spikes of both halves of a row at the same readouts",
+    ),
+];
+
+/// Returns the tables about the recordings and the initial parameters.
+pub(super) fn recording_tables(about: &Provenance) -> Vec<Table> {
+    let mut set = Table::new("Recording set and camera", &["property", "value"]);
+    let mut row = |name: &str, value: String| set.push_row([name.to_owned(), value]);
+    row("recording set", about.set_file.clone().unwrap_or_else(|| "a recording set in memory".to_owned()));
+    let description = about.recorded_camera.iter().flat_map(|camera| camera.rows());
+    description.for_each(|(title, text)| row(title, text));
+    row("pixels", format!("{} x {}", about.width, about.height));
+    row("readouts per second", format!("{}", about.readout_hz));
+    // Without parameters of an initial model, no recording was judged.
+    let judged = !about.base_parameters.is_empty();
+    if judged {
+        row("held-out recordings", about.held_out.clone());
+    }
+    row("initial model", about.camera.clone());
+    row("seed", about.seed.to_string());
+    let mut files = Table::new("Recordings", &["recording", "light", "readouts", "first readout"]);
+    for r in &about.recordings {
+        files.push_row([
+            Cell::from(&r.file),
+            Cell::from(&r.light),
+            Cell::from(r.readouts),
+            Cell::from(r.first_readout),
+        ]);
+    }
+    vec![set, files, numbers(&about.base_parameters)]
+}
+
+fn numbers(all: &[BaseParameter]) -> Table {
+    let mut table = Table::new("Initial camera parameters", &["parameter", "value", "unit", "source"]);
+    for n in all {
+        let source = match n.source {
+            NumberSource::Calibrated => "these recordings",
+            NumberSource::Published => "the published model",
+            NumberSource::Fitted => "a fit that started from the published model",
+            NumberSource::Camera => "the camera file",
+        };
+        let value = n.error.map_or_else(|| Cell::value(n.value, ""), |e| Cell::estimate(n.value, e, ""));
+        table.push_row([Cell::from(&n.parameter), value, Cell::from(n.unit), Cell::from(source)]);
+    }
+    table
+}
+
+/// Returns the definitions of the terms that the page uses.
+pub(super) fn glossary(d: &Diagnosis) -> Table {
+    let used = |term: &str| {
+        let statistics = d.traces.deviations.iter().map(|s| s.0.as_str());
+        let general = ["discrepancy", "noise floor", "standard deviations", "fitted, held out"];
+        general.contains(&term) || statistics.into_iter().any(|s| s.contains(term))
+    };
+    let mut table = Table::new("Terms", &["term", "meaning"]);
+    TERMS.iter().filter(|t| used(t.0)).for_each(|t| table.push_row([t.0, t.1]));
+    table
+}

@@ -1,0 +1,304 @@
+//! The result of a diagnosis.
+
+use crate::faults::fault::Fault;
+use crate::prepared::provenance::Provenance;
+use crate::search::round::{EliminationReason, Step, Undecided};
+use crate::verdict::effect_limits::EffectLimit;
+use crate::verdict::figures::{RateResidual, SetPlots};
+use serde::Serialize;
+use spikelane::effects::Camera;
+
+/// The verdict of a diagnosis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// No statistic exceeds its limit.
+    Agrees,
+    /// Effects or parameter mismatches are named, nothing else is significant, and the held-out discrepancy is within
+    /// [`Discrepancy::limit`].
+    Explained,
+    /// Something is named, but a significant discrepancy remains.
+    PartlyExplained,
+    /// A significant discrepancy remains, and nothing that is named explains it.
+    Unknown,
+    /// The time limit was reached before the recordings could be compared with the model.
+    Undecided,
+}
+
+impl Verdict {
+    /// Returns whether the final model describes the recordings.
+    #[must_use]
+    pub fn is_complete(self) -> bool {
+        matches!(self, Self::Agrees | Self::Explained)
+    }
+}
+
+/// A parameter with its 95 % interval.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Key of the parameter.
+    pub name: &'static str,
+    /// Value in the parameter's unit.
+    pub value: f64,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end of the interval.
+    pub high: f64,
+}
+
+/// An effect that the diagnosis found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FoundEffect {
+    /// Canonical name of the effect.
+    pub name: &'static str,
+    /// Fitted parameters.
+    pub parameters: Vec<Parameter>,
+    /// Effects that fit as well within noise.
+    pub ambiguous_with: Vec<&'static str>,
+    /// Whether the name is tentative. The effect then explains less than half of the discrepancy while something
+    /// remains, or it is weaker beside others than the set can detect.
+    pub is_tentative: bool,
+    /// The evidence for the effect in words.
+    pub evidence: String,
+    /// The step that `evidence` describes.
+    #[serde(skip)]
+    pub(crate) step: Option<Step>,
+}
+
+/// A parameter of the model that the data contradict.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParameterMismatch {
+    /// The parameter as `effect.key`.
+    pub parameter: String,
+    /// Value in the model.
+    pub model_value: f64,
+    /// Value fitted to the data.
+    pub fitted_value: f64,
+    /// Lower end of the 95 % interval of the fitted value.
+    pub low: f64,
+    /// Upper end of the interval.
+    pub high: f64,
+    /// Effects that fit as well within noise. For a tentative mismatch, also effects that explain at least half of its
+    /// change of the statistics.
+    pub ambiguous_with: Vec<&'static str>,
+    /// Whether the mismatch is tentative. Either the held-out recordings do not confirm it, or a significant discrepancy remains and
+    /// the mismatch explains only a part. An effect that is not in the catalog may then have moved the parameter.
+    pub is_tentative: bool,
+}
+
+/// The light of a recording or of a source after the diagnosis.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct DiagnosedLamp {
+    /// File of the recording. For a source, it is the recording in which the source is alone.
+    pub file: String,
+    /// Name of the source, if the set states the sources of the recording. A source has the same deviation in all recordings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+    /// The stated light in words.
+    pub light: String,
+    /// Relative standard deviation of the light: the stated one, or a larger one if the levels contradict the stated one.
+    pub uncertainty: f64,
+    /// Relative deviation from the stated light, from all recordings and the final model.
+    pub deviation: f64,
+    /// Standard deviation of `deviation`.
+    pub error: f64,
+    /// Deviation in units of `uncertainty`.
+    pub pull: f64,
+    /// Influence of this lamp on the parameters that are named.
+    pub impacts: Vec<LampImpact>,
+}
+
+/// Influence of a lamp on a fitted parameter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct LampImpact {
+    /// The parameter as `effect.key`.
+    pub parameter: String,
+    /// Change of the fitted value if the light of the lamp is larger by `error` of the lamp.
+    pub change: f64,
+}
+
+/// A significant deviation that nothing explains.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct UnexplainedStatistic {
+    /// Recording and statistic.
+    pub r#where: String,
+    /// Deviation in standard deviations.
+    pub z: f64,
+}
+
+/// A value of the recordings under the final model, and its limit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct LimitTest {
+    /// The quantity in words.
+    pub quantity: &'static str,
+    /// Value of the fitted recordings.
+    pub fitted_set: f64,
+    /// Value of the held-out recordings. `None` if they were not tested: nothing was held out, or no effect was added.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub held_out_set: Option<f64>,
+    /// Limit of both values.
+    pub limit: f64,
+    /// Probability that a sensor that follows the model exceeds the limit. It is 0.05 if the first simulations sufficed,
+    /// otherwise 0.001.
+    pub exceedance_probability: f64,
+}
+
+impl LimitTest {
+    /// Returns whether no tested value exceeds the limit.
+    #[must_use]
+    pub fn passes(&self) -> bool {
+        self.fitted_set <= self.limit && self.held_out_set.is_none_or(|value| value <= self.limit)
+    }
+}
+
+/// Discrepancy between model and data after each step.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Discrepancy {
+    /// Discrepancy on the fitted recordings. The first value is that without any added effect.
+    pub fitted_set: Vec<f64>,
+    /// Discrepancy on the held-out recordings; the same values if nothing was held out.
+    pub held_out_set: Vec<f64>,
+    /// Noise floor: the discrepancy of sensors that follow the final model.
+    pub noise_floor: f64,
+    /// Standard deviation of the noise floor.
+    pub noise_floor_sd: f64,
+}
+
+impl Discrepancy {
+    /// Returns whether other recordings than the fitted ones were held out.
+    #[must_use]
+    pub fn is_held_out(&self) -> bool {
+        self.fitted_set != self.held_out_set
+    }
+
+    /// Returns the largest held-out discrepancy of a set that counts as explained.
+    ///
+    /// It exceeds the noise floor by 1 % of the initial excess or by two standard deviations of the floor, whichever
+    /// is larger.
+    #[must_use]
+    pub fn limit(&self) -> f64 {
+        let first = self.held_out_set.first().map_or(0.0, |first| first - self.noise_floor);
+        self.noise_floor + (0.01 * first).max(2.0 * self.noise_floor_sd)
+    }
+
+    /// Returns whether the last held-out discrepancy is within the limit.
+    #[must_use]
+    pub fn is_within_limit(&self) -> bool {
+        self.held_out_set.last().is_none_or(|last| *last <= self.limit())
+    }
+}
+
+/// The result of a diagnosis.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Faults of the laboratory: lamps, scenes and files. The diagnosis looks for them first, and adds no effect for
+    /// them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<Fault>,
+    /// Effects that were added to the model.
+    pub effects: Vec<FoundEffect>,
+    /// Parameters of the model that the data contradict.
+    pub parameter_mismatches: Vec<ParameterMismatch>,
+    /// The light of each lit recording without sources, and of each source.
+    pub lamps: Vec<DiagnosedLamp>,
+    /// Rates of the uniform recordings and their deviations from the models, in ascending order of light.
+    pub rates: Vec<RateResidual>,
+    /// Significant deviations that remain.
+    pub unexplained: Vec<UnexplainedStatistic>,
+    /// Discrepancies after each step.
+    pub discrepancy: Discrepancy,
+    /// Values of the recordings under the final model, and the limits that decide whether a deviation is significant.
+    pub tests: Vec<LimitTest>,
+    /// Questions that the time limit left open; empty if the limit was not reached.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub undecided: Vec<String>,
+    /// Recordings that would separate ambiguous effects.
+    pub recommended_recordings: Vec<String>,
+    /// Upper limits for the effects of the catalog that were not added. Empty unless the model describes the recordings, which
+    /// are the verdicts [`Verdict::Agrees`] and [`Verdict::Explained`].
+    pub limits: Vec<EffectLimit>,
+    /// Effects that this set cannot show.
+    pub undetectable: Vec<&'static str>,
+    /// Duration of the diagnosis in seconds.
+    pub seconds: f64,
+    /// Numbers of simulations from the cache and of new ones; `None` without a cache. They are not part of the
+    /// answer, so no file contains them.
+    #[serde(skip)]
+    pub cache_counts: Option<[usize; 2]>,
+    /// Origin of the held-out data, and other remarks.
+    pub notes: Vec<String>,
+    /// The sets, the camera and the initial parameters; `None` for sets that share a null model.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
+    /// The camera with the added effects.
+    #[serde(skip)]
+    pub camera: Camera,
+    /// Data of the plots.
+    #[serde(skip)]
+    pub traces: ReportData,
+}
+
+impl Diagnosis {
+    /// The diagnosis if the time limit is reached before the first simulations are complete.
+    pub(crate) fn without_comparison(faults: Vec<Fault>, camera: Camera) -> Self {
+        Self {
+            verdict: Verdict::Undecided,
+            undecided: vec![Undecided::Agreement(Vec::new()).sentence()],
+            notes: Vec::new(),
+            ..Self::stopped(faults, camera)
+        }
+    }
+
+    /// Returns the result for sets with so many faults that no diagnosis is possible.
+    pub(crate) fn stopped(faults: Vec<Fault>, camera: Camera) -> Self {
+        Self {
+            verdict: Verdict::Unknown,
+            faults,
+            effects: Vec::new(),
+            parameter_mismatches: Vec::new(),
+            lamps: Vec::new(),
+            rates: Vec::new(),
+            unexplained: Vec::new(),
+            discrepancy: Discrepancy {
+                fitted_set: Vec::new(),
+                held_out_set: Vec::new(),
+                noise_floor: 0.0,
+                noise_floor_sd: 0.0,
+            },
+            tests: Vec::new(),
+            undecided: Vec::new(),
+            recommended_recordings: Vec::new(),
+            limits: Vec::new(),
+            undetectable: Vec::new(),
+            seconds: 0.0,
+            cache_counts: None,
+            notes: vec![
+                "Too few recordings without faults remain for a diagnosis: no effects were searched."
+                    .to_owned(),
+            ],
+            provenance: None,
+            camera,
+            traces: ReportData::default(),
+        }
+    }
+}
+
+/// The data that the report shows.
+#[derive(Clone, Debug, Default)]
+pub struct ReportData {
+    /// Statistic, recording, and deviation before and after the diagnosis in standard deviations.
+    pub deviations: Vec<(String, String, f64, f64)>,
+    /// Effects with their misfit and whether they tied, for each round.
+    pub tournament: Vec<Vec<(&'static str, f64, bool)>>,
+    /// The winner of each round and its outcome.
+    pub step_outcomes: Vec<(&'static str, EliminationReason)>,
+    /// The step before each value of the discrepancy.
+    pub discrepancy_labels: Vec<String>,
+    /// Plots of the recordings, of the initial model and of the final model.
+    pub plots: Vec<(&'static str, SetPlots)>,
+}
