@@ -183,19 +183,22 @@ fn check_pictures(folder: &Path, pictures: Pictures) -> Result<()> {
     })
 }
 
-/// Returns the files in `folder` and its subfolders that are neither an input nor a part of an input. The paths are
-/// relative to `folder`.
+/// Returns the files in the folder of the inputs and its subfolders that are neither an input nor a part of an input. The
+/// paths are relative to the folder.
 ///
-/// If a folder contains a single image, such as a cover or a thumbnail, the image is a skipped file.
+/// If a folder contains a single image, such as a cover or a thumbnail, the image is a skipped file, unless every picture
+/// is a sequence.
 ///
 /// # Errors
 /// [`ErrorKind::Io`] if a folder cannot be listed.
-pub fn skipped_files(folder: &Path, excluded: &Path) -> Result<Vec<PathBuf>> {
+pub fn skipped_files(inputs: &InputContent, excluded: &Path) -> Result<Vec<PathBuf>> {
     let mut others = Vec::new();
-    walk_inputs(folder, excluded, &mut |path, what| {
+    walk_inputs(&inputs.folder, excluded, &mut |path, what| {
         match what {
             PathKind::Other => others.push(path),
-            PathKind::Pictures(names) if names.len() == 1 => others.push(path.join(&names[0])),
+            PathKind::Pictures(names) if names.len() == 1 && inputs.pictures != Pictures::Stills => {
+                others.push(path.join(&names[0]));
+            }
             _ => {}
         }
         Ok(())

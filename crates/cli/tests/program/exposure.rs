@@ -43,7 +43,7 @@ fn every_command_that_simulates_warns() {
     std::fs::create_dir(place.path("clips")).unwrap();
     place.write("clips/a.npy", npy_f32([2, 16, 32], &[0.3; 2 * 16 * 32]));
     place.write("clips/b.npy", npy_f32([2, 16, 32], &[0.2; 2 * 16 * 32]));
-    let suite = short_suite(1).replace("thresholds_at_full_scale = 0.6", "thresholds_at_full_scale = 6.0");
+    let suite = short_suite(1).replace("thresholds_at_full_scale = 0.6", "thresholds_at_full_scale = 30.0");
     place.write("bright.toml", suite.replace("images_per_scene = 9", "images_per_scene = 40"));
     for line in [
         format!("simulate gray.png {DARK_CURRENT} --readouts 60 -o a"),

@@ -42,15 +42,20 @@ fn a_dataset_of_unrelated_pictures_asks_what_they_are() {
 #[test]
 fn every_still_becomes_a_sequence_with_its_class_as_label() {
     let place = classes();
-    place.run_ok(&format!("dataset --from in --stills --readouts-per-frame 30 {CAMERA} -o set"));
+    let ran = place.run_ok(&format!("dataset --from in --stills --readouts-per-frame 30 {CAMERA} -o set"));
+    assert!(!ran.stderr.contains("ignored"), "{}", ran.stderr);
     let ids = std::fs::read_dir(place.path("set/sequences")).unwrap();
     let mut found: Vec<(String, String, u64)> = ids
         .map(|entry| {
             let id = entry.unwrap().file_name().to_string_lossy().into_owned();
             let record = place.json(&format!("set/sequences/{id}/record.json"));
-            let label = record["label"].as_str().unwrap().to_owned();
+            let label = record["facts"]["label"].as_str().unwrap().to_owned();
             assert!(id.starts_with(&format!("{label}-")), "{id}");
-            (label, record["input"].as_str().unwrap().to_owned(), record["readouts"].as_u64().unwrap())
+            (
+                label,
+                record["facts"]["input"].as_str().unwrap().to_owned(),
+                record["facts"]["readouts"].as_u64().unwrap(),
+            )
         })
         .collect();
     found.sort();

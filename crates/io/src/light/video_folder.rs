@@ -193,10 +193,12 @@ mod tests {
     /// Returns a picture of smooth random patches. Equal seeds give equal pictures, and `shift` moves the picture.
     fn picture(seed: u64, shift: f64) -> Vec<f32> {
         let side = REDUCED_SIDE as usize;
+        // The hash of SplitMix64.
         let wave = |k: u64| {
-            let hash =
-                seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(k).wrapping_mul(0xD134_2543_DE82_EF95);
-            (hash >> 40) as f64 / f64::from(1 << 24)
+            let mut hash = (64 * seed + k).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            hash = (hash ^ (hash >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            hash = (hash ^ (hash >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            ((hash ^ (hash >> 31)) >> 40) as f64 / f64::from(1 << 24)
         };
         let value = |p: usize| {
             let (x, y) = ((p % side) as f64 / side as f64 - shift, (p / side) as f64 / side as f64);

@@ -15,7 +15,7 @@ pub(super) fn print_skipped_files(
     out: &Console,
 ) -> Result<()> {
     if inputs.list.is_none() {
-        let skipped = dataset::skipped_files(&inputs.folder, &options.output)?;
+        let skipped = dataset::skipped_files(inputs, &options.output)?;
         if let Some(text) = skipped_line(&skipped) {
             out.print_message(format_args!("warning: {}: {text}", inputs.folder.display()));
         }
