@@ -124,7 +124,7 @@ pub(super) fn decode_detections(bytes: &[u8]) -> std::result::Result<Vec<Detecti
         .map(|one| {
             let class = class_number(&one.class).ok_or_else(|| {
                 output_fault(&format_args!(
-                    "the class '{}', expected one of {}",
+                    "the class {:?}, expected one of {}",
                     one.class,
                     CLASSES.join(", ")
                 ))

@@ -242,7 +242,7 @@ impl ScoreFile {
         }
         file.check_cost(path)?;
         if !is_date(&file.environment.date) {
-            return Err(invalid(&format_args!("the date '{}'", file.environment.date))
+            return Err(invalid(&format_args!("the date {:?}", file.environment.date))
                 .expected("a date such as 2026-01-31"));
         }
         Ok(file)

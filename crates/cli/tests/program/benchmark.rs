@@ -430,8 +430,8 @@ fn verify_computes_the_cost_again_and_names_what_it_cannot_verify() {
     let verify = "benchmark verify run/changed.json --suite data";
     for (pointer, value, code, word) in [
         ("/cost/outputs_per_second", 1e9, 9, "cost"),
-        ("/time_limit_s", 0.001, 9, "time limit"),
-        ("/sequences/0/result/seconds", 1e-9, 9, "scene-0000 result"),
+        ("/time_limit_s", 0.001, 9, "time_limit_s"),
+        ("/sequences/0/result/seconds", 1e-9, 9, "scene-0000 result seconds"),
         ("/cost/outputs_per_second", -1.0, 3, "impossible cost"),
         ("/cost/latency_seconds/0", 1e9, 3, "impossible cost"),
         ("/sequences/0/result/seconds", 0.0, 3, "a time of 0 s"),
