@@ -32,11 +32,9 @@ const KNOWN_CIRCLES: &[(&str, &[&str])] = &[
     (
         "crates/io/src",
         &[
-            "light/images/deep_apng.rs",
             "light/images/image_file.rs",
             "light/images/page_timing.rs",
             "light/images/png_chunks.rs",
-            "light/images/tiff_file.rs",
             "light/images/webp_chunks.rs",
             "light/timestamps.rs",
         ],

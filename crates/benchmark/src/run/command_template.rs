@@ -1,8 +1,17 @@
 //! The command of a method, with placeholders for the files and numbers of a sequence.
 
+use std::path::PathBuf;
+
 use spikelane::error::{Error, ErrorKind, Result};
 
-use super::worker::SequenceJob;
+use crate::generated::GeneratedSequence;
+
+/// The files of one sequence.
+pub(super) struct SequenceJob<'a> {
+    pub sequence: &'a GeneratedSequence,
+    pub stream: PathBuf,
+    pub output: PathBuf,
+}
 
 /// Names of the placeholders.
 const PLACEHOLDERS: [&str; 10] = [

@@ -1,12 +1,13 @@
 //! Runs a method on one sequence after another.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::json;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::npy::{self, Element};
 
+use super::command_template::SequenceJob;
 use super::orphans::Orphans;
 use super::process::{Launcher, ProcessOutcome, run_process};
 use super::sandbox::{RunFolders, Sandbox};
@@ -15,13 +16,6 @@ use super::workspace::Workspace;
 use super::{Baseline, CommandTemplate, Method, RunOptions, max_output_bytes};
 use crate::generated::{GeneratedSequence, GeneratedSuite};
 use crate::suite::{TRIVIAL_DEPTH_M, Task};
-
-/// The files of one sequence.
-pub(super) struct SequenceJob<'a> {
-    pub sequence: &'a GeneratedSequence,
-    pub stream: PathBuf,
-    pub output: PathBuf,
-}
 
 /// The result of a sequence, and the bytes of its output.
 pub(super) struct SequenceOutcome {

@@ -18,7 +18,7 @@ use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::Count;
 use spikelane_io::storage::{OutputSet, open_no_follow};
 
-use super::worker::SequenceJob;
+use super::command_template::SequenceJob;
 use crate::generated::GeneratedSequence;
 use crate::suite::Task;
 

@@ -12,7 +12,7 @@ use png::{BlendOp, ColorType, Decoder, DecodingError, DisposeOp, Reader, Transfo
 use spikelane::error::Result;
 use spikelane::unstable::inputs::MAX_PICTURE_BYTES;
 
-use super::image_file::decode_error;
+use super::decoding::decode_error;
 use super::linearization::Pixels;
 
 type Canvas = ImageBuffer<Rgba<u16>, Vec<u16>>;

@@ -12,16 +12,17 @@ use image::codecs::webp::WebPDecoder;
 use image::metadata::Orientation;
 use image::{
     AnimationDecoder, ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader,
-    ImageResult, Limits,
+    ImageResult,
 };
 
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Frame;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, InputFile, InputReader};
 use spikelane::unstable::light::declared_geometry;
 
+use super::decoding::{DamagePolicy, decode_error, limits};
 use super::deep_apng::DeepApng;
 use super::encoding::{CodeScan, Encoding, hdr_note, store_transfer, transfer_from_icc};
 #[cfg(feature = "exr")]
@@ -470,28 +471,6 @@ fn decode(
     Ok(image)
 }
 
-/// What happens to a damaged image of which a part can be decoded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum DamagePolicy {
-    /// Damage is an error.
-    Reject,
-    /// Damage is an error. The user can accept damage by a setting.
-    RejectBySetting,
-    /// The decoded part is used, and a note describes the damage.
-    Accept,
-}
-
-impl DamagePolicy {
-    /// Returns the remedy for a damaged image.
-    pub(super) fn remedy(self) -> String {
-        let copy = "copy or save the image again";
-        if self == Self::Reject {
-            return copy.to_owned();
-        }
-        format!("{copy}; to use the part that can be decoded, set {}", Setting("accept_damage"))
-    }
-}
-
 /// Returns whether an error means that the data of an image are damaged.
 fn is_damage(error: &ImageError) -> bool {
     match error {
@@ -531,13 +510,6 @@ impl<D: ImageDecoder> ImageDecoder for PartialDecoder<'_, D> {
     }
 }
 
-/// Returns the memory limits of the decoder.
-pub(super) fn limits() -> Limits {
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(inputs::MAX_PICTURE_BYTES);
-    limits
-}
-
 fn reader(path: &Path) -> Result<Reader> {
     with_format(buffered(path)?, path)
 }
@@ -550,27 +522,4 @@ fn with_format(file: BufReader<InputReader<InputFile>>, path: &Path) -> Result<R
         reader.set_format(format);
     }
     reader.with_guessed_format().map_err(|e| Error::io(path.display(), e))
-}
-
-pub(super) fn decode_error(path: &Path, error: ImageError) -> Error {
-    match error {
-        ImageError::IoError(e)
-            if !matches!(e.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData) =>
-        {
-            Error::io(path.display(), e)
-        }
-        other => {
-            let remedy = if matches!(other, ImageError::Unsupported(_)) {
-                "save the image with 8-bit or 16-bit samples and another compression"
-            } else {
-                "open the image in a viewer to check whether the file is damaged"
-            };
-            Error::new(ErrorKind::Input, path.display())
-                .found(other)
-                .expected(
-                    "a complete PNG, JPEG, TIFF, EXR, HDR, PFM, BMP, PNM, WEBP or FITS image of a supported type",
-                )
-                .remedy(remedy)
-        }
-    }
 }

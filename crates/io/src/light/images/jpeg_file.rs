@@ -15,7 +15,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::image_file::{DamagePolicy, decode_error, limits};
+use super::decoding::{DamagePolicy, decode_error, limits};
 
 /// Decodes the JPEG in `bytes`. If damage is accepted, it is added to `notes`, and missing parts are gray.
 ///

@@ -1,5 +1,6 @@
 //! Single images, and folders of images in order.
 
+mod decoding;
 mod deep_apng;
 pub(super) mod encoding;
 #[cfg(feature = "exr")]

@@ -22,8 +22,8 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{SampleFormat, Tag};
 use tiff::{ColorType, TiffError};
 
+use super::decoding::{decode_error, limits};
 use super::encoding::{Encoding, store_transfer, transfer_from_icc};
-use super::image_file::{decode_error, limits};
 use super::linearization::Pixels;
 use super::patched_reader::PatchedReader;
 
