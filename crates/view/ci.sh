@@ -18,8 +18,8 @@ done
 for tool in chromium node npm; do
     command -v "$tool" >/dev/null || { missing "$tool" "the browser tests of the viewer"; exit 0; }
 done
-# The tests of the program need the same build of the program as `cargo test --workspace`, so cargo compiles nothing twice.
-cargo test -q --workspace --no-run --test program
+# `--test header` selects the same features of macro crates as `cargo test --workspace`, so cargo compiles nothing twice.
+cargo test -q --workspace --no-run --test program --test header
 tests=$PWD/crates/view/tests/browser
 target=$(realpath "${CARGO_TARGET_DIR:-target}")
 # The npm package is outside the sources, because tests of the documentation read every file of the sources.
