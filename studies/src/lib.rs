@@ -1,3 +1,4 @@
 //! Code that several studies use.
 
 pub mod lines;
+pub mod provenance;

@@ -254,7 +254,7 @@ pub(super) fn input_path(inputs: &InputContent, name: &Path) -> Result<PathBuf> 
 
 /// Kind of a path in a folder.
 enum PathKind {
-    /// A folder and the sorted names of its pictures, of which there is at least one.
+    /// A folder and the sorted names of its pictures, at least one.
     Pictures(Vec<OsString>),
     /// A file that may contain several frames.
     Video,

@@ -47,7 +47,7 @@ pub fn detectability(
     progress("reading", 0.0);
     set.check_light_unit()?;
     let mut recordings = Recordings::read([set, set], HeldOut::None, options.readout_selection)?;
-    let base = BaseModel::of(&recordings, options.camera)?;
+    let base = BaseModel::new(&recordings, options.camera)?;
     recordings.fitted.find_light(&base.camera, options.seed)?;
     recordings.fitted.sum_sources();
     let library = Catalog::new();

@@ -166,11 +166,11 @@ fn with_simulations(
             return Err(error);
         }
         let camera_or_published = camera.map_or_else(|| published(fitted), |c| Ok(c.clone()))?;
-        let provenance = Some(Provenance::of(&recordings, camera, None, seed));
+        let provenance = Some(Provenance::new(&recordings, camera, None, seed));
         return Ok(Diagnosis { provenance, ..Diagnosis::stopped(recordings.faults, camera_or_published) });
     }
     progress("calibrating", 0.01);
-    let base = BaseModel::of(&recordings, camera)?;
+    let base = BaseModel::new(&recordings, camera)?;
     let prepared = Prepared::new(recordings, base, camera.is_some(), seed, context, progress)?;
     let library = Catalog::new();
     let baseline = prepared.baseline(options.effects.unwrap_or(&library), progress);
@@ -183,7 +183,7 @@ fn with_simulations(
     };
     restore(&mut diagnosis.camera, camera)?;
     let Prepared { recordings, base, .. } = prepared;
-    diagnosis.provenance = Some(Provenance::of(&recordings, camera, Some(&base), seed));
+    diagnosis.provenance = Some(Provenance::new(&recordings, camera, Some(&base), seed));
     diagnosis.notes.extend(base.notes);
     Ok(diagnosis)
 }

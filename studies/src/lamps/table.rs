@@ -1,9 +1,9 @@
 //! The table of the study.
 
 use std::fmt::Write as _;
-use std::process::Command;
 
 use serde_json::Value;
+use spikelane_studies::provenance::provenance;
 
 use crate::light::KINDS;
 use crate::sensor::QUANTITIES;
@@ -63,16 +63,4 @@ fn coverage(outcomes: &[&Value], light: &str, q: usize) -> (usize, usize) {
     let of = |o: &&Value| Some(o[light][q][0].as_f64()?.abs() <= 1.96 * o[light][q][1].as_f64()?);
     let all: Vec<bool> = outcomes.iter().filter_map(of).collect();
     (all.iter().filter(|c| **c).count(), all.len())
-}
-
-/// Returns the date, the processor and the commit.
-fn provenance() -> String {
-    let output = |program: &str, args: &[&str]| {
-        let out = Command::new(program).args(args).output().ok().filter(|o| o.status.success());
-        out.map_or("unknown".to_owned(), |o| String::from_utf8_lossy(&o.stdout).trim().to_owned())
-    };
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info.lines().find(|l| l.starts_with("model name")).and_then(|l| l.split(": ").nth(1));
-    let (day, commit) = (output("date", &["+%Y-%m-%d"]), output("git", &["rev-parse", "--short", "HEAD"]));
-    format!("{day}, {}, commit {commit}", model.unwrap_or("processor unknown"))
 }

@@ -10,7 +10,8 @@ mod coverage_support;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
-use std::process::Command;
+
+use spikelane_studies::provenance::provenance;
 
 use coverage_support::{Coverage, HEIGHT, PATTERNS, READOUTS, Repetition, WIDTH, judge, recordings};
 
@@ -33,7 +34,7 @@ fn main() {
     let text = format!(
         "Range over {} cases of {count} recordings each, of {READOUTS} readouts and {WIDTH}x{HEIGHT} pixels; {}.\n\n{}",
         RATES.len() * PATTERNS.len(),
-        provenance_line(),
+        provenance(),
         table(&columns)
     );
     print!("{text}");
@@ -87,18 +88,6 @@ fn table(columns: &[Column; 2]) -> String {
         writeln!(text, "| `{key}` | {one} | {many} |").unwrap();
     }
     text
-}
-
-/// Returns a line with the date, the processor and the commit.
-fn provenance_line() -> String {
-    let output = |program: &str, args: &[&str]| {
-        let out = Command::new(program).args(args).output().ok().filter(|o| o.status.success());
-        out.map_or("unknown".to_owned(), |o| String::from_utf8_lossy(&o.stdout).trim().to_owned())
-    };
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info.lines().find(|l| l.starts_with("model name")).and_then(|l| l.split(": ").nth(1));
-    let (day, commit) = (output("date", &["+%Y-%m-%d"]), output("git", &["rev-parse", "--short", "HEAD"]));
-    format!("{day}, {}, commit {commit}", model.unwrap_or("processor unknown"))
 }
 
 fn write(path: &Path, tables: &str) {

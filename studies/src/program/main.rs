@@ -20,7 +20,6 @@ mod hidden_sensor;
 #[path = "../diagnose/jobs.rs"]
 mod jobs;
 mod laboratory;
-mod provenance;
 #[path = "../diagnose/score.rs"]
 mod score;
 #[path = "../diagnose/share.rs"]
@@ -34,6 +33,7 @@ use std::time::Instant;
 use diagnose_job::{diagnose_job, smallest_strengths};
 use jobs::{SensorJob, jobs};
 use serde_json::Value;
+use spikelane_studies::provenance::provenance;
 
 /// Measured processor seconds per sensor: without a finding, and with a finding.
 const SECONDS_PER_SENSOR: [f64; 2] = [10.0, 49.0];
@@ -91,7 +91,7 @@ fn main() {
     if let Some(path) = args.table {
         write_between_markers(
             &path,
-            &(provenance::provenance_line() + &table::table(&self::read_records(&args.records))),
+            &format!("Made on {}.\n\n{}", provenance(), table::table(&self::read_records(&args.records))),
         );
     }
 }

@@ -9,8 +9,9 @@ use spikelane_calibrate::RecordingSet;
 use spikelane_diagnose::{DiagnoseOptions, Setup, Verdict, diagnose_with_preliminary, published_camera};
 use spikelane_diagnose::{ReadoutSelection, RecordingPart};
 
+use spikelane_studies::provenance::provenance;
+
 use super::hidden_sensor::{Physics, Sensor, Size, kind, write_set};
-use super::provenance;
 
 const SIZE: Size = Size { width: 96, height: 64, readouts: 6000 };
 
@@ -104,7 +105,7 @@ fn row(sets: [&RecordingSet; 2], camera: Option<&Camera>, cache: &Path) -> Strin
 /// Prints the table of the first `first` cases. Each row is printed as soon as its case is complete. All cases share one
 /// cache.
 pub(crate) fn print_table(first: usize) {
-    print!("{}", provenance::provenance_line());
+    print!("Made on {}.\n\n", provenance());
     println!(
         "| set | preliminary result, s | likely effects | diagnosis, s | verdict | named effects | with the cache of the sets above, s | new simulations | repeated, s | new simulations |"
     );

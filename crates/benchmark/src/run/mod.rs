@@ -332,7 +332,7 @@ fn begin(data: &GeneratedSuite, options: &RunOptions) -> Result<RunDescription> 
                 old.suite,
                 old.digest,
                 old.time_limit_s,
-                old.sandbox.map_or("no process".to_owned(), |state| format!("the sandbox {state}"))
+                old.sandbox.map_or("no sandbox".to_owned(), |state| format!("the sandbox {state}"))
             ))
             .expected("the same method, suite, time limit and sandbox")
             .remedy("choose another folder")),

@@ -136,7 +136,8 @@ impl RunningProcess {
 
     /// Returns the last line of standard error, with a separator before it. The process must have ended.
     pub(super) fn message(&self) -> String {
-        // Without a way to end detached processes, such a process can keep standard error open. Then there is no message.
+        // On systems where detached processes cannot be ended, such a process can keep standard error open. The message is then
+        // empty.
         match self.messages.recv_timeout(Duration::from_millis(500)) {
             Ok(line) if !line.is_empty() => format!(": {line}"),
             _ => String::new(),

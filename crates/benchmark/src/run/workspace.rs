@@ -68,7 +68,7 @@ impl Workspace {
 
     /// Copies a stream and its description, and creates an empty folder for the output.
     ///
-    /// A hard link is no substitute for the copy: a method that changes the link changes the suite.
+    /// The stream is not a hard link, because a method that changes the link would change the suite.
     pub(super) fn prepare<'a>(
         &self,
         stream: &Path,

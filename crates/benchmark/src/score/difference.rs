@@ -14,9 +14,10 @@ fn add_differences(subject: &str, listed: &Value, computed: &Value, lines: &mut 
     match (listed, computed) {
         _ if listed == computed => {}
         (Value::Object(a), Value::Object(b)) => {
+            let absent = Value::Null;
             for key in a.keys().chain(b.keys().filter(|key| !a.contains_key(*key))) {
-                let value = |of: &serde_json::Map<String, Value>| of.get(key).cloned().unwrap_or_default();
-                add_differences(&inside(key), &value(a), &value(b), lines);
+                let [a, b] = [a, b].map(|map| map.get(key).unwrap_or(&absent));
+                add_differences(&inside(key), a, b, lines);
             }
         }
         (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {

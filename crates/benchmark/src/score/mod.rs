@@ -197,7 +197,7 @@ fn score_sequence(
             .expected("a finished run")
             .remedy("continue the run"));
     }
-    // An output that is no readable file costs only its own score. A fault of this system has no influence on a score.
+    // An unreadable output changes only its own score. A fault of the system is an error and changes no score.
     let (output, unreadable) = match run::read_output(folder, data.suite.task, &group.name, sequence) {
         Ok(output) => (output, None),
         Err(error) if is_system_fault(&error) => return Err(error),

@@ -6,8 +6,7 @@ use spikelane_io::light::full_scale::check_float_light;
 
 /// Ratio of the squared errors above which an image is in sRGB codes: 6 dB.
 ///
-/// A method whose images are too bright by an error of its own would have to follow the curve of sRGB to reach this
-/// ratio.
+/// Images that are too bright for another reason reach this ratio only if their error follows the curve of sRGB.
 const MIN_ERROR_RATIO: f64 = 4.0;
 
 /// The unit of an image that is not linear light of 0 to 1.

@@ -32,7 +32,7 @@ pub(crate) fn step(knob: &Knob) -> f64 {
 
 /// The base model with the draws of one seed: its vector, and the change of the vector per unit of the light of each lit
 /// recording.
-pub(crate) struct Drawn {
+pub(crate) struct SimulatedVectors {
     pub vector: DVector<f64>,
     pub lamps: Vec<DVector<f64>>,
 }
@@ -44,11 +44,11 @@ pub(crate) fn lit(model: &Model) -> Vec<usize> {
 }
 
 /// For each change of light only one recording is simulated again, and none where all vectors were kept.
-pub(crate) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Drawn> {
+pub(crate) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<SimulatedVectors> {
     let still = model.sample(&[], &[], setup.recordings.len())?;
     if model.lamps.is_empty() {
         let vector = DVector::from_vec(simulate::values(setup, &still, seed)?);
-        return Ok(Drawn { vector, lamps: Vec::new() });
+        return Ok(SimulatedVectors { vector, lamps: Vec::new() });
     }
     let mut scanned: Option<Vec<Scan>> = None;
     let plain = simulate::cached_or(setup, &still, seed, || {
@@ -72,7 +72,7 @@ pub(crate) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Draw
         })?;
         lamps.push((DVector::from_vec(values) - &plain) / LAMP_STEP);
     }
-    Ok(Drawn { vector: plain, lamps })
+    Ok(SimulatedVectors { vector: plain, lamps })
 }
 
 /// Changes per unit of each lamp's deviation; `all` has the changes of each simulation per unit of light of each lit recording.

@@ -62,7 +62,7 @@ pub(crate) struct Base<'a> {
 
 impl Clean {
     /// What clean sensors show, each part judged by the noise of the others.
-    pub(crate) fn of(
+    pub(crate) fn new(
         sensors: &[CleanSensor],
         residuals: &[DVector<f64>],
         lamps: &DMatrix<f64>,

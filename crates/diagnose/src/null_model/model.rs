@@ -160,7 +160,7 @@ impl NullModel {
             missing,
             remembered: SimulationMemory::default(),
         };
-        null.clean = Clean::of(sensors, residuals, &lamps, &floors, null.base(), level)?;
+        null.clean = Clean::new(sensors, residuals, &lamps, &floors, null.base(), level)?;
         null.signatures.iter_mut().zip(&null.clean.score_sds).for_each(|(s, sd)| s.score_sd = *sd);
         Ok(null)
     }

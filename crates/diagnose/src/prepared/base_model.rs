@@ -1,7 +1,7 @@
 //! The model that a search starts from, with where each of its numbers comes from.
 
 use crate::prepared::map_populations::reduced;
-use crate::prepared::negative_currents::kept;
+use crate::prepared::negative_currents::has_negative_currents;
 use crate::prepared::recordings::{PreparedSet, Recordings};
 use crate::sensors::model::{BASE_KNOBS, published};
 use crate::statistics::order::Spread;
@@ -103,7 +103,7 @@ impl BaseModel {
 
     /// From the camera that is given, or from the published model with what calibration tells of the set.
     /// Where pixels began together it begins so, too.
-    pub(crate) fn of(recordings: &Recordings, given: Option<&Camera>) -> Result<Self> {
+    pub(crate) fn new(recordings: &Recordings, given: Option<&Camera>) -> Result<Self> {
         let mut base = Self::running(&recordings.fitted, given)?;
         if let Some(over) = recordings.begun_over {
             base.camera = base.camera.with_effect(start_phase::EFFECT.neutral().with_value("share", over)?);
@@ -127,7 +127,7 @@ impl BaseModel {
         match calibration {
             Ok(c) => {
                 let found = Self { camera, numbers: Vec::new(), notes: Vec::new() }.moved(&c)?;
-                if kept(setup, &measured.scans) { found.below_zero() } else { Ok(found) }
+                if has_negative_currents(setup, &measured.scans) { found.below_zero() } else { Ok(found) }
             }
             Err(why) => {
                 let numbers = numbers(&camera, NumberSource::Published);

@@ -9,7 +9,7 @@ use crate::statistics::order::Spread;
 use crate::thresholds::{FAINT_PIXELS, MAX_DIM_LIGHT, MIN_CHARGE_DEFICIT_SDS, MIN_SINGLE_DEFICIT_SDS};
 
 /// Whether pixels that are silent in the dark lack charge in the light, too.
-pub(crate) fn kept(setup: &Setup, scans: &[Scan]) -> bool {
+pub(crate) fn has_negative_currents(setup: &Setup, scans: &[Scan]) -> bool {
     let level = |k: usize| setup.recordings[k].level().map(|light| (k, light));
     let levels: Vec<(usize, f64)> = (0..scans.len()).filter_map(level).collect();
     let Some((dark, _)) = levels.iter().find(|l| l.1 == 0.0).copied() else { return false };
@@ -74,7 +74,7 @@ mod tests {
             camera.effect(dark_current::EFFECT.name).unwrap().clone().with_value("negative", below).unwrap();
         let model = Model::base(camera.with_effect(dark), &setup);
         let sample = model.sample(&[], &[], setup.recordings.len()).unwrap();
-        kept(&setup, &scans(&setup, &sample, seed).unwrap())
+        has_negative_currents(&setup, &scans(&setup, &sample, seed).unwrap())
     }
 
     #[test]

@@ -57,7 +57,7 @@ pub struct Provenance {
 impl Provenance {
     /// Describes the recordings, and the model with which they were compared. `given` is the camera of the caller. `base` is
     /// `None` if no calibration was possible.
-    pub(crate) fn of(
+    pub(crate) fn new(
         recordings: &Recordings,
         given: Option<&Camera>,
         base: Option<&BaseModel>,

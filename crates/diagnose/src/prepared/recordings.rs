@@ -69,7 +69,7 @@ pub(crate) struct Recordings {
 
 impl PreparedSet {
     /// Reads and measures a part of `set`.
-    pub(crate) fn of(
+    pub(crate) fn new(
         set: &RecordingSet,
         part: RecordingPart,
         extent: ReadoutSelection,
@@ -146,8 +146,8 @@ impl Recordings {
     ) -> Result<Self> {
         let [first, second] = held_out.parts();
         Ok(Self {
-            fitted: PreparedSet::of(sets[0], first, extent, aside)?,
-            judging: PreparedSet::of(sets[1], second, extent, aside)?,
+            fitted: PreparedSet::new(sets[0], first, extent, aside)?,
+            judging: PreparedSet::new(sets[1], second, extent, aside)?,
             held_out,
             aside: Vec::new(),
             begun_over: None,

@@ -38,8 +38,9 @@ pub(super) fn read_beside(path: &Path) -> Result<SidecarFacts> {
 /// Returns the path of the sidecar beside a stream, or `None` if there is no sidecar.
 ///
 /// # Errors
-/// [`ErrorKind::Io`] if the system cannot find out whether there is a sidecar. [`ErrorKind::Input`] if the sidecar is a symbolic link to a file in another folder, because the user did not name
-/// that file. If the stream is a symbolic link, the folder of its target is also allowed.
+/// * [`ErrorKind::Io`] if the system cannot find out whether there is a sidecar.
+/// * [`ErrorKind::Input`] if the sidecar is a symbolic link to a file in another folder, because the user did not name
+///   that file. If the stream is a symbolic link, the folder of its target is also allowed.
 pub fn find_sidecar(stream: &Path) -> Result<Option<PathBuf>> {
     let mut found = None;
     for path in candidates(stream) {

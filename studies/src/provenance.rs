@@ -2,9 +2,10 @@
 
 use std::process::Command;
 
-/// Returns the line that precedes a table.
-pub(crate) fn provenance_line() -> String {
-    format!("Made on {}, {}, commit {}.\n\n", command_output("date", &["-u", "+%F"]), cpu(), commit())
+/// Returns the date, the processor and the commit.
+#[must_use]
+pub fn provenance() -> String {
+    format!("{}, {}, commit {}", command_output("date", &["-u", "+%F"]), cpu(), commit())
 }
 
 /// Returns the last commit, and a note if files differ from it.
@@ -17,7 +18,7 @@ fn commit() -> String {
     if changed.is_empty() { commit } else { format!("{commit} with changes") }
 }
 
-pub(crate) fn cpu() -> String {
+fn cpu() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = text.lines().find_map(|l| l.strip_prefix("model name")?.split_once(':'));
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
