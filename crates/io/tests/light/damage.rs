@@ -93,6 +93,40 @@ fn an_invalid_code_in_a_jpeg_is_an_error() {
 }
 
 #[test]
+fn a_jpeg_with_missing_or_superfluous_codes_is_an_error() {
+    let dir = TempDir::new().unwrap();
+    let whole = jpeg();
+    let middle = whole.len() / 2;
+    for missing in [16, 64, 100, 128, 256] {
+        let hole = [&whole[..middle], &whole[middle + missing..]].concat();
+        let text = refusal(&file(&dir, "hole.jpg", hole));
+        assert!(text.contains("last block") || text.contains("Huffman"), "{missing}: {text}");
+    }
+    let (data, end) = whole.split_at(whole.len() - 2);
+    let text = refusal(&file(&dir, "more.jpg", [data, b"superfluous", end].concat()));
+    assert!(text.contains("11 bytes behind the last block"), "{text}");
+    // Cameras write such bytes.
+    for padding in [&[0; 64][..], &[7; 2]] {
+        assert_eq!(read(&file(&dir, "padded.jpg", [data, padding, end].concat()), &options()).unwrap().1, "");
+    }
+}
+
+#[test]
+fn missing_bytes_of_a_progressive_jpeg_are_found() {
+    let dir = TempDir::new().unwrap();
+    let whole = include_bytes!("fixtures/progressive.jpg");
+    assert_eq!(read(&file(&dir, "whole.jpg", whole), &options()).unwrap().1, "");
+    // Codes without the missing bytes sometimes end at the same place by chance.
+    let starts: Vec<usize> = (200..whole.len() - 10).step_by(5).collect();
+    let is_refused = |start: &usize| {
+        let hole = [&whole[..*start], &whole[start + 8..]].concat();
+        read(&file(&dir, "hole.jpg", hole), &options()).is_err()
+    };
+    let refused = starts.iter().filter(|start| is_refused(start)).count();
+    assert!(refused * 100 >= starts.len() * 85, "{refused} of {}", starts.len());
+}
+
+#[test]
 fn bytes_after_the_end_of_a_jpeg_are_not_damage() {
     let dir = TempDir::new().unwrap();
     // Phones store a video or a depth map behind the image.

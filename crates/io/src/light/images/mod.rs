@@ -11,6 +11,7 @@ pub mod folder;
 pub mod image_file;
 pub(super) mod image_pages;
 mod jpeg_file;
+mod jpeg_scan;
 pub(super) mod linearization;
 pub(super) mod missing_numbers;
 mod name_order;
