@@ -249,8 +249,15 @@ fn a_duration_of_zero_is_reported() {
 #[test]
 fn a_truncated_animation_is_an_error() {
     let dir = TempDir::new().unwrap();
-    for (name, bytes) in [("a.png", apng(&[(1, 9), (2, 9)])), ("a.webp", animated_webp(&[(1, 9), (2, 9)]))] {
-        let path = file(&dir, name, &bytes[..bytes.len() - 40]);
+    let webp = animated_webp(&[(1, 9), (2, 9)]);
+    let last_frame = webp.windows(4).rposition(|bytes| bytes == b"ANMF").unwrap();
+    let apng = apng(&[(1, 9), (2, 9)]);
+    for (name, bytes) in [
+        ("a.png", &apng[..apng.len() - 40]),
+        ("a.webp", &webp[..webp.len() - 40]),
+        ("whole frames.webp", &webp[..last_frame]),
+    ] {
+        let path = file(&dir, name, bytes);
         let result = open(&path, &linear()).and_then(|mut source| {
             let mut frame = Frame::dark(source.geometry());
             while source.next_frame(&mut frame)? {}

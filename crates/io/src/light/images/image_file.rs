@@ -237,7 +237,7 @@ impl ImageFile {
 
     /// Reads the header of a format that the `image` crate decodes.
     fn open_common(path: &Path, start: &[u8]) -> Result<Self> {
-        let refused = |e| decode_error(path, e);
+        let refused = |e: ImageError| decode_error(path, e);
         let mut decoder = reader(path)?.into_decoder().map_err(refused)?;
         let (width, height) = decoder.dimensions();
         // If the metadata cannot be read, the image is not rotated. The decoder reports later whether the image can be
@@ -264,6 +264,10 @@ impl ImageFile {
             animation = Some(if largest == Some(65535.0) { Animation::DeepPng } else { Animation::Png });
         } else if webp_chunks::is_webp(start) {
             let chunks = webp_chunks::read(buffered(path)?).map_err(|e| Error::io(path.display(), e))?;
+            // Without its last frames the animation is a valid file, except for the stated size.
+            if chunks.is_truncated_animation {
+                return Err(refused(std::io::Error::from(std::io::ErrorKind::UnexpectedEof).into()));
+            }
             (pages, timing) = (chunks.pages, chunks.timing);
             animation = Some(Animation::WebP(chunks.opaque_flags));
         } else if start.starts_with(&HDR_MAGIC[..2]) {

@@ -23,15 +23,21 @@ pub(super) struct WebpChunks {
     ///
     /// The decoder blends lossless frames without alpha too, and then many codes are too low by 1.
     pub opaque_flags: Vec<(u64, u8)>,
+    /// The file is an animation and is shorter than its header states.
+    pub is_truncated_animation: bool,
 }
 
 /// Reads the chunks of a WebP.
 pub(super) fn read(mut file: impl Read + Seek) -> io::Result<WebpChunks> {
+    let mut size = [0; 4];
+    file.seek(SeekFrom::Start(4))?;
+    file.read_exact(&mut size)?;
+    let is_short = file.seek(SeekFrom::End(0))? < 8 + u64::from(u32::from_le_bytes(size));
     let mut at = file.seek(SeekFrom::Start(12))?;
     let mut durations = Vec::new();
     let mut opaque_flags = Vec::new();
     let mut head = [0; 8];
-    // The decoder reports a truncated file.
+    // The decoder reports a truncated frame.
     while file.read_exact(&mut head).is_ok() {
         let len = u64::from(u32::from_le_bytes([head[4], head[5], head[6], head[7]]));
         if &head[..4] == b"ANMF" {
@@ -51,5 +57,6 @@ pub(super) fn read(mut file: impl Read + Seek) -> io::Result<WebpChunks> {
         at = file.seek(SeekFrom::Start(at + 8 + len + len % 2))?;
     }
     let (pages, timing) = (durations.len().max(1) as u32, PageTiming::from_durations(&durations));
-    Ok(WebpChunks { pages, timing, opaque_flags })
+    let is_truncated_animation = is_short && !durations.is_empty();
+    Ok(WebpChunks { pages, timing, opaque_flags, is_truncated_animation })
 }
