@@ -488,7 +488,7 @@ fn a_decode_error_quotes_ffmpeg() {
     let dir = TempDir::new().unwrap();
     let path = put(&dir, "no.mp4", "this is no video");
     let (kind, text) = open_error(&path, &camera(4, 4));
-    assert_eq!(kind, ErrorKind::Tool);
+    assert_eq!(kind, ErrorKind::Input);
     assert!(text.contains("Invalid data"), "{text}");
 }
 

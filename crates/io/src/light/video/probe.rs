@@ -114,8 +114,8 @@ impl VideoProbe {
     /// Runs the `ffprobe` that belongs to the ffmpeg `program`.
     ///
     /// # Errors
-    /// * [`ErrorKind::Tool`] if ffprobe is missing, cannot read the file or finds no video.
-    /// * [`ErrorKind::Input`] if the matrix is not supported.
+    /// * [`ErrorKind::Tool`] if ffprobe is missing or crashes.
+    /// * [`ErrorKind::Input`] if ffprobe cannot read the file or finds no video, or if the matrix is not supported.
     pub(crate) fn from_file(path: &Path, program: &str) -> Result<Self> {
         let (text, _) = Self::query(path, program, PROBED_ENTRIES)?;
         let mut probe = Self::parse(&text).map_err(|e| e.with_context(path.display()))?;
@@ -174,7 +174,9 @@ impl VideoProbe {
                 "check whether ffplay plays the video"
             };
             let messages: Vec<&str> = stderr.lines().map(|line| LogLine::parse(line).message).collect();
-            return Err(Error::new(ErrorKind::Tool, name)
+            // ffprobe ends with a code if it cannot interpret the file, and without one if it crashed.
+            let kind = if ran.status.code().is_some() { ErrorKind::Input } else { ErrorKind::Tool };
+            return Err(Error::new(kind, name)
                 .found(format_args!("ffprobe ended with {}: {}", ran.status, messages.join(" | ")))
                 .expected("a video that ffmpeg can decode")
                 .remedy(remedy));
@@ -186,8 +188,8 @@ impl VideoProbe {
     fn parse(text: &str) -> Result<Self> {
         let value = |key: &str| value(text, key).map(str::to_owned);
         let Some(pixels) = value("pix_fmt") else {
-            return Err(Error::new(ErrorKind::Tool, "ffprobe")
-                .found("no image from ffmpeg")
+            return Err(Error::new(ErrorKind::Input, "ffprobe")
+                .found("no video stream")
                 .expected("a file with a video stream"));
         };
         let full = match value("color_range").as_deref() {
