@@ -216,6 +216,10 @@ impl Error {
         };
         let mut error = Self::new(kind, subject).found(&source);
         error = match source.kind() {
+            io::ErrorKind::NotFound => error
+                .found("no such file or folder")
+                .expected("an existing file or folder")
+                .remedy("check the path"),
             io::ErrorKind::FileTooLarge => error
                 .expected("a file within the size limit of this process and of the file system")
                 .remedy("raise the limit (ulimit -f), or choose another file system"),

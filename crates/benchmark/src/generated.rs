@@ -248,7 +248,12 @@ impl GeneratedSuite {
     /// * [`ErrorKind::Corrupt`] if the digest does not belong to the listed files.
     pub fn open(folder: &Path) -> Result<Self> {
         let path = |name: &'static str| InnerPath::from(name).resolve_in(folder, Access::Read);
-        let suite = Suite::read(&path(SUITE_FILE)?)?;
+        let suite = Suite::read(&path(SUITE_FILE)?).map_err(|e| match e.io_error() {
+            Some(source) if source.kind() == std::io::ErrorKind::NotFound => e
+                .expected("the folder of a generated suite")
+                .remedy("check the path, or generate the suite in this folder first"),
+            _ => e,
+        })?;
         let index_path = path(INDEX_FILE)?;
         let text = match read_bytes(&index_path, "a generated suite", MAX_INDEX_BYTES) {
             Err(e) if e.io_error().is_some_and(|e| e.kind() == std::io::ErrorKind::NotFound) => {

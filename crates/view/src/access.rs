@@ -55,32 +55,40 @@ impl AccessRule {
         let mut token = self.one_time_token.lock().unwrap_or_else(PoisonError::into_inner);
         let given = request.path.strip_prefix('/').unwrap_or_default();
         let is_equal = |token: &String| equals_in_constant_time(given.as_bytes(), token.as_bytes());
-        let is_used = request.is_get
-            && self.is_local(request)
-            && token.as_ref().is_some_and(is_equal)
-            && is_own_client();
+        let is_used =
+            request.is_get && is_local(request) && token.as_ref().is_some_and(is_equal) && is_own_client();
         if is_used {
             *token = None;
         }
         is_used
     }
 
-    /// Returns whether the request has a local `Host` and only local origins.
-    fn is_local(&self, request: &Request) -> bool {
-        let hosts = [format!("127.0.0.1:{}", self.port), format!("localhost:{}", self.port)];
-        let is_host = |text: &str| hosts.iter().any(|host| host == text);
-        request.host.as_deref().is_some_and(is_host)
-            && request.origins.iter().all(|o| o.strip_prefix("http://").is_some_and(is_host))
-    }
-
     /// Returns the path after the token. `None` if the request must be refused.
     pub(crate) fn accepted_path<'a>(&self, request: &'a Request) -> Option<&'a str> {
-        if !self.is_local(request) {
+        if !is_local(request) {
             return None;
         }
         let (token, path) = request.path.strip_prefix('/')?.split_once('/')?;
         equals_in_constant_time(token.as_bytes(), self.token.as_bytes()).then_some(path)
     }
+}
+
+/// Returns whether the request has a local `Host` and only local origins. The port can be another one than that of the server,
+/// because `ssh -L`, editors and proxies forward ports. A page of another site has its own name in both headers.
+pub(crate) fn is_local(request: &Request) -> bool {
+    let is_local_origin = |origin: &String| {
+        let host = origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://"));
+        host.is_some_and(is_local_host)
+    };
+    request.host.as_deref().is_some_and(is_local_host) && request.origins.iter().all(is_local_origin)
+}
+
+/// Returns whether `host` is a name of this machine, with or without a port.
+fn is_local_host(host: &str) -> bool {
+    let rest = ["127.0.0.1", "localhost", "[::1]"].iter().find_map(|name| host.strip_prefix(name));
+    rest.is_some_and(|rest| {
+        rest.is_empty() || rest.strip_prefix(':').is_some_and(|port| port.parse::<u16>().is_ok())
+    })
 }
 
 fn random_token() -> Result<String> {
@@ -132,25 +140,33 @@ mod tests {
     }
 
     #[test]
-    fn the_token_and_both_local_hosts_are_accepted() {
+    fn the_token_and_local_hosts_with_any_port_are_accepted() {
         let rule = AccessRule::new(80).unwrap();
-        let mut with = request(&rule);
-        assert_eq!(rule.accepted_path(&with), Some("api/sources"));
-        with.host = Some("localhost:80".into());
-        with.origins = vec!["http://localhost:80".into()];
-        assert_eq!(rule.accepted_path(&with), Some("api/sources"));
+        for host in ["127.0.0.1:80", "localhost:80", "localhost:9999", "127.0.0.1", "[::1]:9999", "[::1]"] {
+            let origins = vec![format!("http://{host}"), format!("https://{host}")];
+            let with = Request { host: Some(host.into()), origins, ..request(&rule) };
+            assert_eq!(rule.accepted_path(&with), Some("api/sources"), "{host}");
+        }
     }
 
     #[test]
     fn every_wrong_host_origin_and_token_is_refused() {
         let rule = AccessRule::new(80).unwrap();
-        for host in [None, Some("127.0.0.1"), Some("127.0.0.1:81"), Some("evil.example:80"), Some("[::1]:80")]
-        {
+        for host in [
+            None,
+            Some("evil.example:80"),
+            Some("127.0.0.1.evil.example:80"),
+            Some("localhost.evil.example"),
+            Some("127.0.0.1:"),
+            Some("localhost:80:80"),
+            Some("localhost:99999"),
+            Some("192.168.0.2:80"),
+        ] {
             let host = host.map(str::to_owned);
             assert_eq!(rule.accepted_path(&Request { host, ..request(&rule) }), None);
         }
         for origin in
-            ["null", "http://evil.example", "https://127.0.0.1:80", "http://127.0.0.1:80.evil.example"]
+            ["null", "http://evil.example", "ftp://127.0.0.1:80", "http://127.0.0.1:80.evil.example"]
         {
             let origins = vec!["http://127.0.0.1:80".to_owned(), origin.to_owned()];
             assert_eq!(rule.accepted_path(&Request { origins, ..request(&rule) }), None, "{origin}");

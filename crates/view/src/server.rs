@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::threads;
 
-use crate::access::AccessRule;
+use crate::access::{self, AccessRule};
 use crate::api::Api;
 use crate::connections::{Connection, ConnectionLimits, Connections};
 use crate::http::{Response, read_request, write_event_head};
@@ -174,6 +174,11 @@ fn answer(connection: &Connection, shared: &Shared) {
         None if rule.use_one_time_address(&request, || is_own_client(stream)) => {
             Response::redirect(rule.page_path())
         }
+        None if !access::is_local(&request) => Response::text(
+            403,
+            "The viewer answers only requests to 127.0.0.1, localhost or [::1], and only requests of its own pages.\n\
+             To open it from another machine, forward a port: ssh -L PORT:127.0.0.1:PORT server\n",
+        ),
         None => Response::text(403, "Open the address that the program printed. It contains a token.\n"),
         Some(path) => {
             connection.set_accepted();

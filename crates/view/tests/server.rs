@@ -157,7 +157,7 @@ fn requests_without_the_token_or_from_elsewhere_are_refused() {
         (format!("/{}/api/sources", &token[..31]), local.clone()),
         (good.clone(), String::new()),
         (good.clone(), format!("Host: evil.example:{port}\r\n")),
-        (good.clone(), "Host: 127.0.0.1\r\n".to_owned()),
+        (good.clone(), "Host: 127.0.0.1.evil.example\r\n".to_owned()),
         (good.clone(), format!("{local}{local}")),
         (good.clone(), format!("{local}Origin: http://evil.example\r\n")),
         (good.clone(), format!("{local}Origin: null\r\n")),

@@ -59,9 +59,9 @@ def make_error(
         chosen, number = SpikelaneFileExistsError, number or _errno.EEXIST
     elif missing:
         chosen = SpikelaneFileNotFoundError
-        if not fields[4]:
-            remedy = f"check the path; relative paths start at {Path.cwd()}"
-            fields, message = (*fields[:4], remedy), f"{message}; {remedy}"
+        if fields[4] == "check the path":
+            start = f"; relative paths start at {Path.cwd()}"
+            fields, message = (*fields[:4], fields[4] + start), message + start
     elif kind in ("io", "space"):
         chosen = SpikelaneOSError
     error = chosen(message)

@@ -52,6 +52,10 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     if args.path.is_dir() {
         return verify_suite(&args.path, out);
     }
+    if !args.path.exists() {
+        return Err(Error::io(args.path.display(), std::io::ErrorKind::NotFound.into())
+            .expected("the folder of a generated suite, or a score file"));
+    }
     let Some(suite) = &args.suite else {
         return Err(Error::new(ErrorKind::Usage, args.path.display())
             .found("a score file without a suite")

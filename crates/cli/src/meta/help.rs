@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{CommandFactory as _, FromArgMatches as _};
+use clap::{Arg, CommandFactory as _, FromArgMatches as _};
 
 use crate::command::Cli;
 use crate::common::standard_streams::refuse_dash;
@@ -87,10 +87,20 @@ pub(crate) fn command() -> clap::Command {
     let command = Cli::command()
         .help_template(HELP_TEMPLATE)
         .before_help(shown(&["", "simulate lake.mp4 -o out/lake"]));
-    let command = refuse_dash(command);
+    let command = accept_negative_numbers(refuse_dash(command));
     COMMAND_EXAMPLES.iter().fold(command, |command, (name, examples)| {
         command.mut_subcommand(name, |c| c.help_template(HELP_TEMPLATE).before_help(shown(examples)))
     })
+}
+
+/// Lets a negative number follow an option. The option then rejects the number with its range; clap would report an unexpected
+/// argument instead.
+fn accept_negative_numbers(command: clap::Command) -> clap::Command {
+    let accept = |arg: Arg| {
+        let takes_number = arg.get_action().takes_values() && !arg.is_positional();
+        if takes_number { arg.allow_negative_numbers(true) } else { arg }
+    };
+    command.mut_args(accept).mut_subcommands(accept_negative_numbers)
 }
 
 /// Parses a command line. The first argument is the program name.
@@ -101,7 +111,10 @@ pub(crate) fn parse(args: &[OsString]) -> Result<Cli, u8> {
     let read = command().try_get_matches_from(args).and_then(|matches| Cli::from_arg_matches(&matches));
     read.map_err(|error| {
         // If a standard channel is closed, the failure cannot be reported.
-        let _ = match (suggestion(&error), error.render().to_string()) {
+        let _ = match (
+            suggestion(&error).or_else(|| misplaced_argument(&error, args)),
+            error.render().to_string(),
+        ) {
             (Some(line), _) => writeln!(std::io::stderr(), "spikelane: {}", printable(&line)),
             // clap prints in color. A text with control characters is escaped and printed without color.
             (None, text) if printable(&text) == text => error.print(),
@@ -135,6 +148,41 @@ fn suggestion(error: &clap::Error) -> Option<String> {
         _ => format!("spikelane simulate {word} -o out/{stem}"),
     };
     Some(format!("{word}: found a file, expected a command; type '{typed}'"))
+}
+
+/// Returns the message about an argument that another command accepts, or about a positional argument too many.
+fn misplaced_argument(error: &clap::Error, args: &[OsString]) -> Option<String> {
+    if error.kind() != ErrorKind::UnknownArgument {
+        return None;
+    }
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidArg) else { return None };
+    let tree = command();
+    let words: Vec<_> = args.iter().skip(1).map(|arg| arg.to_string_lossy()).collect();
+    let typed =
+        tree.get_subcommands().find(|command| words.iter().any(|word| *word == command.get_name()))?;
+    let remedy = format!("type 'spikelane {} --help'", typed.get_name());
+    if let Some(flag) = word.strip_prefix("--") {
+        let accepts =
+            |command: &&clap::Command| command.get_arguments().any(|arg| arg.get_long() == Some(flag));
+        let owners: Vec<_> =
+            tree.get_subcommands().filter(accepts).map(|c| format!("'{}'", c.get_name())).collect();
+        let found = format!("an option of {}", owners.join(", "));
+        return (!owners.is_empty()).then(|| {
+            format!("{word}: found {found}, expected an option of '{}'; {remedy}", typed.get_name())
+        });
+    }
+    let has_output = words.iter().any(|word| word.starts_with("-o") || word.starts_with("--output"));
+    let takes_output = typed.get_arguments().any(|arg| arg.get_long() == Some("output"));
+    let remedy = if takes_output && !has_output { "set the output with -o".to_owned() } else { remedy };
+    let names = typed
+        .get_positionals()
+        .map(|arg| format!("<{}>", arg.get_value_names().unwrap_or_default().join(" ")));
+    let expected = match names.collect::<Vec<_>>().join(" ") {
+        names if names.is_empty() => "no argument without a flag".to_owned(),
+        names => format!("only {names} without a flag"),
+    };
+    (!word.starts_with('-') && !typed.has_subcommands())
+        .then(|| format!("{word}: found an argument too many, expected {expected}; {remedy}"))
 }
 
 #[cfg(test)]
@@ -243,5 +291,40 @@ mod tests {
         assert!(suggestion_for("lake.mp4").unwrap().contains("spikelane simulate lake.mp4 -o out/lake"));
         assert!(suggestion_for("run.dat").unwrap().contains("spikelane inspect run.dat"));
         assert_eq!(suggestion_for("simulat"), None);
+    }
+
+    fn message_for(line: &str) -> String {
+        let words: Vec<OsString> = line.split_whitespace().map(OsString::from).collect();
+        let error = command().try_get_matches_from(&words).unwrap_err();
+        misplaced_argument(&error, &words).unwrap_or_else(|| error.to_string())
+    }
+
+    #[test]
+    fn an_option_of_another_command_is_named() {
+        assert_eq!(
+            message_for("spikelane simulate lake.mp4 --window 41 -o a"),
+            "--window: found an option of 'reconstruct', 'evaluate', expected an option of 'simulate'; type 'spikelane \
+             simulate --help'"
+        );
+        assert!(message_for("spikelane measure a.dat --readout-hz 20000").contains("option of 'simulate'"));
+        assert!(message_for("spikelane measure a.dat --no-such-flag 1").contains("unexpected argument"));
+    }
+
+    #[test]
+    fn a_second_file_leads_to_the_output_flag() {
+        assert_eq!(
+            message_for("spikelane reconstruct x.png drive.dat"),
+            "drive.dat: found an argument too many, expected only <FILE> without a flag; set the output with -o"
+        );
+        assert!(message_for("spikelane simulate a b.mp4 -o c").contains("type 'spikelane simulate --help'"));
+    }
+
+    #[test]
+    fn a_negative_number_is_rejected_by_the_option() {
+        for line in ["simulate a.png -o b --exposure -5", "simulate a.png -o b --width -5"] {
+            let error = command().try_get_matches_from(format!("spikelane {line}").split(' '));
+            let text = error.err().map_or_else(String::new, |e| e.to_string());
+            assert!(!text.contains("unexpected argument"), "{text}");
+        }
     }
 }

@@ -144,7 +144,7 @@ fn a_method_reads_only_the_folders_that_are_allowed() {
     let method = ["--command", "sh method.sh {stream} {output}"];
     for (line, code, words) in [
         ("-o no --allow-write data", 2, ["data", "suite"]),
-        ("-o no --allow-read missing", 5, ["missing", "No such file"]),
+        ("-o no --allow-read missing", 5, ["missing", "no such file"]),
         ("-o no --allow-read state --no-sandbox", 2, ["--allow-read", "--no-sandbox"]),
     ] {
         let refused = place.command(&format!("benchmark run data {line}")).args(method).output().unwrap();

@@ -104,7 +104,7 @@ fn faults_of_python_and_of_its_results_are_errors() {
     write_results(&place, 2.0);
     for (commands, words) in [
         ("echo 'no module named numpy' >&2; exit 1", ["no module named numpy", "--python"]),
-        ("true", ["spikes.dat", "No such file"]),
+        ("true", ["spikes.dat", "no such file"]),
         ("head -c 8992 HERE/spikes.dat > \"$5\"/spikes.dat", ["8992 bytes", "9000 bytes"]),
         (
             "cp HERE/spikes.dat \"$5\"; head -c 9592 HERE/start.f64 > \"$5\"/start.f64",

@@ -38,10 +38,15 @@ pub(crate) fn parse(name: &str, bytes: &[u8]) -> Result<ArrayHeader> {
 /// Converts a NumPy header to the header of an array that contains a stream.
 pub(crate) fn array_header(name: &str, header: &Header) -> Result<ArrayHeader> {
     let shape = to_three_axes(&header.shape).ok_or_else(|| {
+        let remedy = match header.shape.len() {
+            4 => "convert each color to its own stream",
+            3.. => "save one stream of the array",
+            _ => "pass a recording of spikes; a map or an image has no axis of readouts",
+        };
         Error::new(ErrorKind::Input, name)
             .found(format_args!("shape {:?}", header.shape))
             .expected("an array with axes (T, H, W), or with four axes of which one is a channel of length 1")
-            .remedy("save a.reshape(T, H, W)")
+            .remedy(remedy)
     })?;
     Ok(ArrayHeader {
         shape,
