@@ -1,5 +1,6 @@
 //! Help texts that begin with examples, and suggestions for users who type a file name instead of a command.
 
+use std::error::Error as _;
 use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
@@ -111,15 +112,14 @@ pub(crate) fn parse(args: &[OsString]) -> Result<Cli, u8> {
     let read = command().try_get_matches_from(args).and_then(|matches| Cli::from_arg_matches(&matches));
     read.map_err(|error| {
         // If a standard channel is closed, the failure cannot be reported.
-        let _ = match (
-            suggestion(&error).or_else(|| misplaced_argument(&error, args)),
-            error.render().to_string(),
-        ) {
-            (Some(line), _) => writeln!(std::io::stderr(), "spikelane: {}", printable(&line)),
-            // clap prints in color. A text with control characters is escaped and printed without color.
-            (None, text) if printable(&text) == text => error.print(),
-            (None, text) => write!(std::io::stderr(), "{}", printable(&text)),
-        };
+        let _ =
+            match (suggestion(&error).or_else(|| argument_message(&error, args)), error.render().to_string())
+            {
+                (Some(line), _) => writeln!(std::io::stderr(), "spikelane: {}", printable(&line)),
+                // clap prints in color. A text with control characters is escaped and printed without color.
+                (None, text) if printable(&text) == text => error.print(),
+                (None, text) => write!(std::io::stderr(), "{}", printable(&text)),
+            };
         u8::try_from(error.exit_code()).unwrap_or(2)
     })
 }
@@ -150,12 +150,17 @@ fn suggestion(error: &clap::Error) -> Option<String> {
     Some(format!("{word}: found a file, expected a command; type '{typed}'"))
 }
 
-/// Returns the message about an argument that another command accepts, or about a positional argument too many.
-fn misplaced_argument(error: &clap::Error, args: &[OsString]) -> Option<String> {
+/// Returns the message about an argument that another command accepts, about a positional argument too many, or about a value
+/// that is no whole number.
+fn argument_message(error: &clap::Error, args: &[OsString]) -> Option<String> {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidArg) else { return None };
+    if let (ErrorKind::ValueValidation, Some(value)) = (error.kind(), error.get(ContextKind::InvalidValue)) {
+        let is_number = error.source().is_some_and(|source| source.is::<std::num::ParseIntError>());
+        return is_number.then(|| format!("{word}: found {value}, expected a whole number of at least 0"));
+    }
     if error.kind() != ErrorKind::UnknownArgument {
         return None;
     }
-    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidArg) else { return None };
     let tree = command();
     let words: Vec<_> = args.iter().skip(1).map(|arg| arg.to_string_lossy()).collect();
     let typed =
@@ -296,16 +301,14 @@ mod tests {
     fn message_for(line: &str) -> String {
         let words: Vec<OsString> = line.split_whitespace().map(OsString::from).collect();
         let error = command().try_get_matches_from(&words).unwrap_err();
-        misplaced_argument(&error, &words).unwrap_or_else(|| error.to_string())
+        argument_message(&error, &words).unwrap_or_else(|| error.to_string())
     }
 
     #[test]
     fn an_option_of_another_command_is_named() {
-        assert_eq!(
-            message_for("spikelane simulate lake.mp4 --window 41 -o a"),
-            "--window: found an option of 'reconstruct', 'evaluate', expected an option of 'simulate'; type 'spikelane \
-             simulate --help'"
-        );
+        let message = message_for("spikelane simulate lake.mp4 --window 41 -o a");
+        assert!(message.starts_with("--window: found an option of 'reconstruct', 'evaluate'"), "{message}");
+        assert!(message.ends_with("an option of 'simulate'; type 'spikelane simulate --help'"), "{message}");
         assert!(message_for("spikelane measure a.dat --readout-hz 20000").contains("option of 'simulate'"));
         assert!(message_for("spikelane measure a.dat --no-such-flag 1").contains("unexpected argument"));
     }
@@ -321,10 +324,9 @@ mod tests {
 
     #[test]
     fn a_negative_number_is_rejected_by_the_option() {
-        for line in ["simulate a.png -o b --exposure -5", "simulate a.png -o b --width -5"] {
-            let error = command().try_get_matches_from(format!("spikelane {line}").split(' '));
-            let text = error.err().map_or_else(String::new, |e| e.to_string());
-            assert!(!text.contains("unexpected argument"), "{text}");
-        }
+        let exposure = "spikelane simulate a.png -o b --exposure -5".split(' ');
+        assert!(command().try_get_matches_from(exposure).is_ok());
+        let message = message_for("spikelane simulate a.png -o b --readouts -3");
+        assert!(message.ends_with("found -3, expected a whole number of at least 0"), "{message}");
     }
 }
