@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::rate::Rate;
+use super::samples::Samples;
 use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
-use crate::kernels;
 use crate::sensor::{FrontEnd, FullScale, Transfer};
 use crate::spikes::Geometry;
 use crate::spikes::MAX_PIXELS;
@@ -51,11 +51,11 @@ impl OwnedSamples {
 
     /// Borrows the samples in the form that kernels read.
     #[must_use]
-    pub fn as_samples(&self) -> kernels::Samples<'_> {
+    pub fn as_samples(&self) -> Samples<'_> {
         match self {
-            Self::U8(v) => kernels::Samples::U8(v),
-            Self::U16(v) => kernels::Samples::U16(v),
-            Self::F32(v) => kernels::Samples::F32(v),
+            Self::U8(v) => Samples::U8(v),
+            Self::U16(v) => Samples::U16(v),
+            Self::F32(v) => Samples::F32(v),
         }
     }
 }

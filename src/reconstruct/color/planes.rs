@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::menon;
+use super::menon::{self, reflected};
 use crate::count::Count;
 use crate::error::{Error, ErrorKind, Result};
 use crate::sensor::Mosaic;
@@ -183,20 +183,6 @@ fn local_mean(
         }
     }
     (total > 0.0).then(|| sum / total)
-}
-
-/// Returns index `i + offset` of a line of `len` pixels, reflected at the first and the last pixel. A reflection keeps
-/// the phase of a pattern of two pixels.
-pub(super) fn reflected(i: usize, offset: isize, len: usize) -> usize {
-    let at = i as isize + offset;
-    let last = len as isize - 1;
-    (if at < 0 {
-        -at
-    } else if at > last {
-        2 * last - at
-    } else {
-        at
-    }) as usize
 }
 
 fn malvar(values: &[f32], geometry: Geometry, mosaic: &Mosaic) -> Vec<f32> {
