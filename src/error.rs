@@ -128,6 +128,29 @@ pub struct Error {
     source: Option<std::io::Error>,
 }
 
+/// Returns an [`Error`] of a kind about a subject: `error!(Config, "{key}"; found "{value}"; expected "0 to 1")`.
+///
+/// The subject and each part (`found`, `expected`, `remedy`) is a format string with its arguments.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __error {
+    ($kind:ident, $($subject:expr),+ $(; $part:ident $($text:expr),+)*) => {
+        $crate::Error::new($crate::ErrorKind::$kind, format_args!($($subject),+))$(.$part(format_args!($($text),+)))*
+    };
+}
+
+/// Returns from a function with the error that [`error!`](__error) creates from the same arguments.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __bail {
+    ($($error:tt)+) => {
+        return Err($crate::error::error!($($error)+))
+    };
+}
+
+#[doc(hidden)]
+pub use crate::{__bail as bail, __error as error};
+
 /// A result whose error type is this crate's [`Error`].
 ///
 /// # Examples

@@ -3,7 +3,7 @@
 
 use crate::draws::RandomStream;
 use crate::draws::pattern_rng::PatternRng;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 
@@ -584,14 +584,13 @@ impl Definition {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the effect has no parameter `key`. The error lists the keys of all parameters.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the effect has no parameter `key`. The error lists the keys of all parameters.
     pub fn param_index(&self, key: &str) -> Result<usize> {
         self.params.iter().position(|p| p.key == key).ok_or_else(|| {
             let keys: Vec<_> = self.params.iter().map(|p| p.key).collect();
-            Error::new(ErrorKind::Config, format_args!("effect {}", self.name))
-                .found(format_args!("parameter \"{key}\""))
-                .expected(format_args!("one of {}", keys.join(", ")))
-                .with_suggestion(key, keys)
+            error!(Config, "effect {}", self.name; found "parameter \"{key}\"";
+                expected "one of {}", keys.join(", "))
+            .with_suggestion(key, keys)
         })
     }
 }

@@ -1,6 +1,6 @@
 use std::str::FromStr;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, error};
 
 /// An implementation of the kernels. All backends return equal bits, but their speed differs.
 ///
@@ -81,7 +81,7 @@ impl Backend {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if no backend has this name.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if no backend has this name.
     pub fn from_environment() -> Result<Option<Self>> {
         let Some(name) = std::env::var_os(BACKEND_ENV_VAR) else { return Ok(None) };
         name.to_string_lossy().parse::<Self>().map(Some).map_err(|e| e.with_context(BACKEND_ENV_VAR))
@@ -110,12 +110,11 @@ impl FromStr for Backend {
     /// Returns the backend with this name.
     ///
     /// # Errors
-    /// If no backend has this name ([`ErrorKind::Usage`]).
+    /// If no backend has this name ([`ErrorKind::Usage`](crate::ErrorKind::Usage)).
     fn from_str(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|b| b.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, "backend")
-                .found(format_args!("\"{name}\""))
-                .expected("one of reference, portable, sse4.1, avx2, avx512")
+            error!(Usage, "backend"; found "\"{name}\"";
+                expected "one of reference, portable, sse4.1, avx2, avx512")
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::draws::gauss;
 use crate::effects::Model;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, error};
 use crate::pixel::{Law, Op};
 use crate::plan::MAX_THRESHOLD_STEPS;
 
@@ -230,19 +230,16 @@ fn storage(model: &Model, e: &mut Extremes) -> Storage {
 }
 
 fn too_small_error(e: &Extremes) -> Error {
-    Error::new(ErrorKind::Config, "fixed point")
-        .found(format_args!("a pixel with {:.2} % of the nominal threshold", 100.0 * e.smallest_threshold))
-        .expected("at least 64 charge steps per threshold in every pixel")
-        .remedy("lower the spread of `capacitor_mismatch` or `bias_voltage`")
+    error!(Config, "fixed point";
+        found "a pixel with {:.2} % of the nominal threshold", 100.0 * e.smallest_threshold;
+        expected "at least 64 charge steps per threshold in every pixel";
+        remedy "lower the spread of `capacitor_mismatch` or `bias_voltage`")
 }
 
 fn too_wide_error(e: &Extremes, light: f64) -> Error {
-    Error::new(ErrorKind::Config, "fixed point")
-        .found(format_args!(
-            "increments up to {:.3}, thresholds up to {:.3}, a largest charge of {:.3}, threshold \
-             noise of {:.4} and shot noise of {:.4} (nominal thresholds, at light {light})",
-            e.increment, e.threshold, e.ceiling, e.noise, e.shot
-        ))
-        .expected("a camera whose values fit 16 bits with at least 1024 steps per threshold")
-        .remedy("reduce the exposure, the noise or the largest charge (above 26 thresholds, omit `saturation_clamp`)")
+    error!(Config, "fixed point";
+        found "increments up to {:.3}, thresholds up to {:.3}, a largest charge of {:.3}, threshold \
+             noise of {:.4} and shot noise of {:.4} (nominal thresholds, at light {light})", e.increment, e.threshold, e.ceiling, e.noise, e.shot;
+        expected "a camera whose values fit 16 bits with at least 1024 steps per threshold";
+        remedy "reduce the exposure, the noise or the largest charge (above 26 thresholds, omit `saturation_clamp`)")
 }

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use super::menon::{self, reflected};
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, bail, error};
 use crate::sensor::Mosaic;
 use crate::spikes::Geometry;
 
@@ -61,9 +61,8 @@ impl FromStr for Demosaic {
 
     fn from_str(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, "demosaicing")
-                .found(format_args!("`{name}`"))
-                .expected(Self::ALL.map(Self::name).join(", "))
+            error!(Usage, "demosaicing"; found "`{name}`";
+                expected "{}", Self::ALL.map(Self::name).join(", "))
         })
     }
 }
@@ -87,30 +86,25 @@ impl FromStr for Demosaic {
 /// ```
 ///
 /// # Errors
-/// * [`ErrorKind::Input`] if the number of values differs from the number of pixels, or if the image has no pixel of a
+/// * [`ErrorKind::Input`](crate::ErrorKind::Input) if the number of values differs from the number of pixels, or if the image has no pixel of a
 ///   channel.
-/// * [`ErrorKind::Usage`] if the method is not bilinear, and the pattern is not a Bayer pattern or the image is smaller
+/// * [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the method is not bilinear, and the pattern is not a Bayer pattern or the image is smaller
 ///   than 5x5 pixels.
 pub fn demosaic(values: &[f32], geometry: Geometry, mosaic: &Mosaic, method: Demosaic) -> Result<Vec<f32>> {
     if values.len() != geometry.pixels() {
-        return Err(Error::new(ErrorKind::Input, "values of a mosaic")
-            .found(Count(values.len(), "value"))
-            .expected(format_args!("{}, one per pixel of {geometry}", geometry.pixels())));
+        bail!(Input, "values of a mosaic"; found "{}", Count(values.len(), "value");
+            expected "{}, one per pixel of {geometry}", geometry.pixels());
     }
     if method == Demosaic::Bilinear {
         return bilinear(values, geometry, mosaic);
     }
     if !mosaic.is_bayer() {
-        return Err(Error::new(ErrorKind::Usage, "demosaicing")
-            .found(format_args!("{method} for the pattern {mosaic}"))
-            .expected("RGGB, BGGR, GRBG or GBRG")
-            .remedy("use bilinear, which supports every pattern"));
+        bail!(Usage, "demosaicing"; found "{method} for the pattern {mosaic}";
+            expected "RGGB, BGGR, GRBG or GBRG"; remedy "use bilinear, which supports every pattern");
     }
     if geometry.width() < 5 || geometry.height() < 5 {
-        return Err(Error::new(ErrorKind::Usage, "demosaicing")
-            .found(format_args!("{method} for {geometry} pixels"))
-            .expected("at least 5x5 pixels")
-            .remedy("use bilinear, which supports every size"));
+        bail!(Usage, "demosaicing"; found "{method} for {geometry} pixels"; expected "at least 5x5 pixels";
+            remedy "use bilinear, which supports every size");
     }
     match method {
         Demosaic::Malvar => Ok(malvar(values, geometry, mosaic)),
@@ -137,12 +131,9 @@ fn bilinear(values: &[f32], geometry: Geometry, mosaic: &Mosaic) -> Result<Vec<f
     let (width, height, channels) = (geometry.width(), geometry.height(), mosaic.channels().len());
     let map = mosaic.channel_map(geometry);
     if let Some(missing) = (0..channels).find(|channel| !map.contains(channel)) {
-        return Err(Error::new(ErrorKind::Input, "mosaic")
-            .found(format_args!(
-                "no pixel of the channel {} in {geometry} pixels",
-                mosaic.channels()[missing].name
-            ))
-            .expected("an image that contains the whole pattern"));
+        bail!(Input, "mosaic";
+            found "no pixel of the channel {} in {geometry} pixels", mosaic.channels()[missing].name;
+            expected "an image that contains the whole pattern");
     }
     let reaches: Vec<usize> = (0..channels).map(|channel| reach(mosaic, channel)).collect();
     let mut out = vec![0.0; values.len() * channels];
@@ -221,6 +212,7 @@ fn malvar(values: &[f32], geometry: Geometry, mosaic: &Mosaic) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     /// Returns the values of a mosaic that samples an image of planes with `light(row, col, channel)`.
     fn sampled(geometry: Geometry, mosaic: &Mosaic, light: impl Fn(usize, usize, usize) -> f32) -> Vec<f32> {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use spikelane::error::{Error, ErrorKind};
+use spikelane::error::{Error, error};
 
 /// How the reader handles frames that are missing in a recording.
 ///
@@ -31,9 +31,7 @@ impl std::str::FromStr for MissingFrames {
         match text {
             "mark" => Ok(Self::Mark),
             "drop" => Ok(Self::Drop),
-            _ => Err(Error::new(ErrorKind::Usage, "missing frames")
-                .found(format_args!("`{text}`"))
-                .expected("mark or drop")),
+            _ => Err(error!(Usage, "missing frames"; found "`{text}`"; expected "mark or drop")),
         }
     }
 }

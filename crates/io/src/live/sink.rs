@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, error};
 
 /// What a sink does with readouts if the consumer is too slow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,9 +25,7 @@ impl FromStr for OverflowPolicy {
         match text {
             "drop" => Ok(Self::Drop),
             "block" => Ok(Self::Block),
-            _ => Err(Error::new(ErrorKind::Usage, "overflow policy")
-                .found(format_args!("`{text}`"))
-                .expected("drop or block")),
+            _ => Err(error!(Usage, "overflow policy"; found "`{text}`"; expected "drop or block")),
         }
     }
 }

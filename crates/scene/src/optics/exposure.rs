@@ -3,7 +3,7 @@
 //! The camera meters the scene and changes its iris with a lag, as auto-iris lenses do. White is high enough for the
 //! bright parts of the image, unless these parts are so small that the rest would be black.
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, error};
 
 /// How the luminance of white follows the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -34,9 +34,7 @@ impl Exposure {
     pub(crate) fn check(self) -> Result<()> {
         match self {
             Self::Fixed(white) if !(white.is_finite() && white > 0.0) => {
-                Err(Error::new(ErrorKind::Usage, "luminance of white")
-                    .found(format_args!("{white} cd/m2"))
-                    .expected("a positive number"))
+                Err(error!(Usage, "luminance of white"; found "{white} cd/m2"; expected "a positive number"))
             }
             _ => Ok(()),
         }

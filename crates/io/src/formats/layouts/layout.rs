@@ -1,6 +1,6 @@
 //! Layouts of streams in files: names, frame sizes and headers.
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, bail, error};
 use spikelane::spikes::Geometry;
 
 /// Size limit of all frames of a stream in bytes. File offsets have 63 bits, and 1 MiB is reserved for the header.
@@ -75,12 +75,10 @@ impl Layout {
     /// Returns the layout with this name.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the name is unknown. The error lists all names.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the name is unknown. The error lists all names.
     pub fn parse(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|l| l.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, "layout")
-                .found(format_args!("'{name}'"))
-                .expected(Self::ALL.map(Self::name).join(", "))
+            error!(Usage, "layout"; found "'{name}'"; expected "{}", Self::ALL.map(Self::name).join(", "))
                 .with_suggestion(name, Self::ALL.map(Self::name))
         })
     }
@@ -134,7 +132,7 @@ impl Layout {
     /// ```
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if `requested` does not match the extension, or if no layout uses the extension.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `requested` does not match the extension, or if no layout uses the extension.
     pub fn for_path(path: &std::path::Path, requested: Option<Self>) -> Result<Self> {
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         let default_layout = match ending.as_deref() {
@@ -143,10 +141,9 @@ impl Layout {
             // extension.
             None | Some("dat" | "bin" | "raw") => Self::Dat,
             Some(other) => {
-                return Err(Error::new(ErrorKind::Usage, path.display())
-                    .found(format_args!("the file extension .{other}"))
-                    .expected("an extension of a writable stream: .npy, .dat, .bin or .raw")
-                    .remedy("write .npy, which numpy.load reads, and convert it with numpy.savez or h5py"));
+                bail!(Usage, "{}", path.display(); found "the file extension .{other}";
+                    expected "an extension of a writable stream: .npy, .dat, .bin or .raw";
+                    remedy "write .npy, which numpy.load reads, and convert it with numpy.savez or h5py");
             }
         };
         let layout = requested.unwrap_or(default_layout);
@@ -154,10 +151,9 @@ impl Layout {
             return Ok(layout);
         }
         let name = layout.default_extension();
-        Err(Error::new(ErrorKind::Usage, path.display())
-            .found(format_args!("layout {layout} with the file extension .{}", ending.unwrap_or_default()))
-            .expected(format_args!("a name that ends in .{name}"))
-            .remedy("correct the name, or choose another layout"))
+        Err(error!(Usage, "{}", path.display();
+            found "layout {layout} with the file extension .{}", ending.unwrap_or_default();
+            expected "a name that ends in .{name}"; remedy "correct the name, or choose another layout"))
     }
 
     /// Returns a warning if other programs misread streams of this layout and geometry, or `None` otherwise.
@@ -200,13 +196,11 @@ impl Layout {
     /// Returns the number of bytes of one frame in the file.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the layout does not support the geometry.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the layout does not support the geometry.
     pub fn frame_bytes(self, geometry: Geometry) -> Result<usize> {
         if let Some(only) = self.fixed_geometry().filter(|&g| g != geometry) {
-            return Err(Error::new(ErrorKind::Usage, format_args!("layout {}", self.name()))
-                .found(format_args!("a {geometry} stream"))
-                .expected(format_args!("{only}, the only size of this layout"))
-                .remedy("choose another layout, such as dat"));
+            bail!(Usage, "layout {}", self.name(); found "a {geometry} stream";
+                expected "{only}, the only size of this layout"; remedy "choose another layout, such as dat");
         }
         Ok(match self {
             Self::Dat | Self::DatTop | Self::DatMsb | Self::DatTopMsb => geometry.frame_bytes(),
@@ -219,7 +213,7 @@ impl Layout {
 
     /// Returns the number of bytes of a file with `readouts` frames, including the header.
     ///
-    /// # Errors [`ErrorKind::Usage`] as in [`frame_bytes`](Self::frame_bytes). Also [`ErrorKind::Usage`] if the file
+    /// # Errors [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) as in [`frame_bytes`](Self::frame_bytes). Also [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the file
     /// length is 2^63 bytes or more.
     pub fn file_bytes(self, geometry: Geometry, readouts: u64) -> Result<u64> {
         let header = self.header(geometry, readouts)?.len() as u64;
@@ -231,9 +225,8 @@ impl Layout {
             .checked_mul(self.frame_bytes(geometry)? as u64)
             .filter(|&bytes| bytes <= MAX_DATA_BYTES)
             .ok_or_else(|| {
-                Error::new(ErrorKind::Usage, "readouts")
-                    .found(readouts)
-                    .expected(format_args!("a stream of at most {MAX_DATA_BYTES} bytes"))
+                error!(Usage, "readouts"; found "{readouts}";
+                    expected "a stream of at most {MAX_DATA_BYTES} bytes")
             })
     }
 }

@@ -5,7 +5,7 @@ use std::io::Cursor;
 use image::{ExtendedColorType, ImageEncoder};
 use serde::{Deserialize, Serialize};
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, bail, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
 use spikelane::unstable::light::srgb_byte;
@@ -61,7 +61,7 @@ impl ImageFormat {
     /// value per pixel, or red, green and blue of each pixel. An array of colors has the shape (height, width, 3).
     ///
     /// # Errors
-    /// [`ErrorKind::Input`] if the number of values in `light` is neither the number of pixels of `geometry` nor three
+    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the number of values in `light` is neither the number of pixels of `geometry` nor three
     /// times this number.
     pub fn encode(self, light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
         let is_color = light.len() == 3 * geometry.pixels();
@@ -112,11 +112,10 @@ impl std::str::FromStr for ImageFormat {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|f| f.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, "image format")
-                .found(format_args!("`{name}`"))
-                .expected("u8, u16 or f32")
-        })
+        Self::ALL
+            .into_iter()
+            .find(|f| f.name() == name)
+            .ok_or_else(|| error!(Usage, "image format"; found "`{name}`"; expected "u8, u16 or f32"))
     }
 }
 
@@ -135,14 +134,13 @@ pub fn linear_png(light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
 fn png(bytes: &[u8], geometry: Geometry, kind: ExtendedColorType) -> Result<Vec<u8>> {
     let expected = geometry.pixels() * usize::from(kind.bits_per_pixel()) / 8;
     if bytes.len() != expected {
-        return Err(Error::new(ErrorKind::Input, "reference image")
-            .found(format_args!("{} of samples", Count(bytes.len(), "byte")))
-            .expected(format_args!("{expected}, for {geometry}")));
+        bail!(Input, "reference image"; found "{} of samples", Count(bytes.len(), "byte");
+            expected "{expected}, for {geometry}");
     }
     let mut out = Cursor::new(Vec::new());
     image::codecs::png::PngEncoder::new(&mut out)
         .write_image(bytes, geometry.width() as u32, geometry.height() as u32, kind)
-        .map_err(|e| Error::new(ErrorKind::Input, "reference image").found(e))?;
+        .map_err(|e| error!(Input, "reference image"; found "{e}"))?;
     Ok(out.into_inner())
 }
 
