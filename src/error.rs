@@ -255,13 +255,6 @@ impl Error {
     }
 
     /// Sets the description of what was found. [`excerpt`] shortens the description, because it can quote a file.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::{Error, ErrorKind};
-    /// let error = Error::new(ErrorKind::Usage, "threads").found(5000);
-    /// assert_eq!(error.to_string(), "threads: found 5000");
-    /// ```
     #[must_use]
     pub fn found(mut self, found: impl fmt::Display) -> Self {
         self.found = excerpt(&found.to_string()).into_owned();
@@ -269,13 +262,6 @@ impl Error {
     }
 
     /// Sets the description of what was expected.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::{Error, ErrorKind};
-    /// let error = Error::new(ErrorKind::Usage, "threads").expected(format_args!("at most {}", 4096));
-    /// assert_eq!(error.to_string(), "threads: expected at most 4096");
-    /// ```
     #[must_use]
     pub fn expected(mut self, expected: impl fmt::Display) -> Self {
         self.expected = expected.to_string();
@@ -283,13 +269,6 @@ impl Error {
     }
 
     /// Sets the action that solves the problem.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::{Error, ErrorKind};
-    /// let error = Error::new(ErrorKind::Exists, "out.dat").remedy("choose another name");
-    /// assert_eq!(error.to_string(), "out.dat: choose another name");
-    /// ```
     #[must_use]
     pub fn remedy(mut self, remedy: impl fmt::Display) -> Self {
         self.remedy = remedy.to_string();

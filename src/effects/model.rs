@@ -215,19 +215,11 @@ impl Model {
 impl Model {
     /// Returns the part of this model for the pixels of `crop`, which must lie within the sensor.
     pub(super) fn window(mut self, crop: Crop) -> Self {
+        #[rustfmt::skip]
         let Circuit {
-            geometry,
-            capacitance_ff,
-            swing_v,
-            gain,
-            dark_pa,
-            telegraph,
-            jitter_share,
+            geometry, capacitance_ff, swing_v, gain, dark_pa, telegraph, jitter_share,
             // All pixels have the same value of these fields.
-            period_s: _,
-            nominal_ff: _,
-            nominal_v: _,
-            sensitivity: _,
+            period_s: _, nominal_ff: _, nominal_v: _, sensitivity: _,
         } = &mut self.circuit;
         for column in [capacitance_ff, swing_v, gain, dark_pa, telegraph, jitter_share] {
             if !column.is_empty() {

@@ -5,12 +5,12 @@
 //! drift, regardless of the length of the video. (A ratio in floats would select wrong frames after about a minute of
 //! 30000/1001 frames per second at 40 kHz.)
 
-use std::str::FromStr;
 use std::sync::Arc;
 
 use crate::count::Count;
-use crate::error::{Error, Result, bail, error};
+use crate::error::{Result, bail, error};
 use crate::light::rate::{Rate, gcd};
+use crate::variants::named_variants;
 
 /// The method that computes the light between two frames.
 ///
@@ -35,29 +35,7 @@ pub enum Interpolation {
     Flow,
 }
 
-impl FromStr for Interpolation {
-    type Err = Error;
-
-    /// Parses `hold`, `linear` or `flow`.
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "hold" => Ok(Self::Hold),
-            "linear" => Ok(Self::Linear),
-            "flow" => Ok(Self::Flow),
-            _ => Err(error!(Usage, "frame interpolation"; found "`{text}`"; expected "hold, linear or flow")),
-        }
-    }
-}
-
-impl std::fmt::Display for Interpolation {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Hold => "hold",
-            Self::Linear => "linear",
-            Self::Flow => "flow",
-        })
-    }
-}
+named_variants!(Interpolation, "frame interpolation" { Hold: "hold", Linear: "linear", Flow: "flow" });
 
 /// The position of a readout between frame `frame` and the next frame.
 ///

@@ -144,19 +144,11 @@ impl SimulatorState {
     }
 
     fn columns(&self) -> [&Vec<i16>; 6] {
+        #[rustfmt::skip]
         let Self {
-            charge,
-            fraction,
-            surplus,
-            fired,
-            frozen_noise: frozen,
-            frozen_noise_fraction: frozen_fraction,
+            charge, fraction, surplus, fired, frozen_noise: frozen, frozen_noise_fraction: frozen_fraction,
             // `optional_blocks` returns these columns. `readout` is in the header.
-            slow_state: _,
-            last_frame: _,
-            pending_noise: _,
-            pending_noise_fraction: _,
-            readout: _,
+            slow_state: _, last_frame: _, pending_noise: _, pending_noise_fraction: _, readout: _,
         } = self;
         [charge, fraction, surplus, fired, frozen, frozen_fraction]
     }

@@ -88,38 +88,17 @@ impl Extremes {
     }
 
     fn max_with(self, law: &Law, light: f64) -> Self {
+        #[rustfmt::skip]
         let Law {
-            threshold,
-            gain,
-            dark,
-            quantum,
-            quanta_light,
-            quanta_dark,
-            threshold_noise: noise,
-            ceiling,
-            telegraph,
-            coupling,
-            quanta_retention,
+            threshold, gain, dark, quantum, quanta_light, quanta_dark, threshold_noise: noise, ceiling,
+            telegraph, coupling, quanta_retention,
             // `max_effective_light` uses these fields:
-            quadratic: _,
-            schedule: _,
+            quadratic: _, schedule: _,
             // `max_threshold_offset` uses these fields:
-            comparator_noise: _,
-            row_noise: _,
-            slow_noise: _,
-            adaptation: _,
-            droop: _,
+            comparator_noise: _, row_noise: _, slow_noise: _, adaptation: _, droop: _,
             // These fields increase neither the charge nor the threshold.
-            noise_sampling: _,
-            lost_increment: _,
-            lost_remainder: _,
-            floor: _,
-            missed_spikes: _,
-            false_spikes: _,
-            lag: _,
-            leak: _,
-            crosstalk: _,
-            jitter_width: _,
+            noise_sampling: _, lost_increment: _, lost_remainder: _, floor: _, missed_spikes: _,
+            false_spikes: _, lag: _, leak: _, crosstalk: _, jitter_width: _,
         } = *law;
         let light = law.max_effective_light(light);
         let coupled = 4.0 * coupling.abs() * threshold;

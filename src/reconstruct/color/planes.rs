@@ -1,12 +1,11 @@
 //! Demosaicing: all channels of every pixel from the values of a mosaic.
 
-use std::str::FromStr;
-
 use super::menon::{self, reflected};
 use crate::count::Count;
-use crate::error::{Error, Result, bail, error};
+use crate::error::{Result, bail};
 use crate::sensor::Mosaic;
 use crate::spikes::Geometry;
+use crate::variants::named_variants;
 
 /// A method of demosaicing.
 ///
@@ -35,37 +34,7 @@ pub enum Demosaic {
     Menon,
 }
 
-impl Demosaic {
-    /// All methods.
-    pub const ALL: [Self; 3] = [Self::Bilinear, Self::Malvar, Self::Menon];
-
-    /// Returns the name of the method in arguments and reports.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Bilinear => "bilinear",
-            Self::Malvar => "malvar",
-            Self::Menon => "menon",
-        }
-    }
-}
-
-impl std::fmt::Display for Demosaic {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Demosaic {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| {
-            error!(Usage, "demosaicing"; found "`{name}`";
-                expected "{}", Self::ALL.map(Self::name).join(", "))
-        })
-    }
-}
+named_variants!(Demosaic, "demosaicing" { Bilinear: "bilinear", Malvar: "malvar", Menon: "menon" });
 
 /// Returns all channels of every pixel, row-major. The channels of a pixel are adjacent, in the order of
 /// [`Mosaic::channels`].

@@ -1,7 +1,8 @@
 //! Layouts of streams in files: names, frame sizes and headers.
 
-use spikelane::error::{Error, Result, bail, error};
+use spikelane::error::{Result, bail, error};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::named_variants;
 
 /// Size limit of all frames of a stream in bytes. File offsets have 63 bits, and 1 MiB is reserved for the header.
 const MAX_DATA_BYTES: u64 = i64::MAX as u64 - (1 << 20);
@@ -42,45 +43,18 @@ pub enum Layout {
     NpyBitsMsb,
 }
 
+named_variants!(Layout, "layout" {
+    Dat: "dat", DatTop: "dat-top", Rows416: "rows416", Rows1024: "rows1024", NpyBits: "npy-bits",
+    NpyBytes: "npy-bytes", DatMsb: "dat-msb", DatTopMsb: "dat-top-msb", NpyBitsMsb: "npy-bits-msb",
+});
+
 impl Layout {
-    /// All layouts.
-    pub const ALL: [Self; 9] = [
-        Self::Dat,
-        Self::DatTop,
-        Self::Rows416,
-        Self::Rows1024,
-        Self::NpyBits,
-        Self::NpyBytes,
-        Self::DatMsb,
-        Self::DatTopMsb,
-        Self::NpyBitsMsb,
-    ];
-
-    /// Returns the name of the layout in arguments and sidecars.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Dat => "dat",
-            Self::DatTop => "dat-top",
-            Self::Rows416 => "rows416",
-            Self::Rows1024 => "rows1024",
-            Self::NpyBits => "npy-bits",
-            Self::NpyBytes => "npy-bytes",
-            Self::DatMsb => "dat-msb",
-            Self::DatTopMsb => "dat-top-msb",
-            Self::NpyBitsMsb => "npy-bits-msb",
-        }
-    }
-
     /// Returns the layout with this name.
     ///
     /// # Errors
     /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the name is unknown. The error lists all names.
     pub fn parse(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|l| l.name() == name).ok_or_else(|| {
-            error!(Usage, "layout"; found "'{name}'"; expected "{}", Self::ALL.map(Self::name).join(", "))
-                .with_suggestion(name, Self::ALL.map(Self::name))
-        })
+        name.parse()
     }
 
     /// Returns the usual file extension of this layout, without the dot.
@@ -228,19 +202,5 @@ impl Layout {
                 error!(Usage, "readouts"; found "{readouts}";
                     expected "a stream of at most {MAX_DATA_BYTES} bytes")
             })
-    }
-}
-
-impl std::fmt::Display for Layout {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl std::str::FromStr for Layout {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self> {
-        Self::parse(name)
     }
 }

@@ -5,10 +5,11 @@ use std::io::Cursor;
 use image::{ExtendedColorType, ImageEncoder};
 use serde::{Deserialize, Serialize};
 
-use spikelane::error::{Error, Result, bail, error};
+use spikelane::error::{Result, bail, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
 use spikelane::unstable::light::srgb_byte;
+use spikelane::unstable::named_variants;
 use spikelane::unstable::npy::{self, Element};
 
 /// The file format of reference images.
@@ -24,20 +25,9 @@ pub enum ImageFormat {
     F32,
 }
 
+named_variants!(ImageFormat, "image format" { U8: "u8", U16: "u16", F32: "f32" });
+
 impl ImageFormat {
-    /// All formats.
-    pub const ALL: [Self; 3] = [Self::U8, Self::U16, Self::F32];
-
-    /// Returns the name of the format in arguments and sidecars.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::U8 => "u8",
-            Self::U16 => "u16",
-            Self::F32 => "f32",
-        }
-    }
-
     /// Returns the file extension of the format.
     #[must_use]
     pub const fn extension(self) -> &'static str {
@@ -99,23 +89,6 @@ impl ImageFormat {
             folder: "images".to_owned(),
             files: Vec::new(),
         }
-    }
-}
-
-impl std::fmt::Display for ImageFormat {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl std::str::FromStr for ImageFormat {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|f| f.name() == name)
-            .ok_or_else(|| error!(Usage, "image format"; found "`{name}`"; expected "u8, u16 or f32"))
     }
 }
 
