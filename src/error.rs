@@ -11,6 +11,8 @@ use std::borrow::Cow;
 use std::fmt;
 use std::io;
 
+use crate::variants::variant_names;
+
 pub use quoting::excerpt;
 pub use setting::{Setting, render_settings};
 
@@ -51,31 +53,13 @@ pub enum ErrorKind {
     Interrupted,
 }
 
-impl ErrorKind {
-    /// Returns the name of the kind in the program's JSON.
-    ///
-    /// # Examples
-    /// ```
-    /// assert_eq!(spikelane::ErrorKind::Corrupt.name(), "corrupt");
-    /// ```
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Usage => "usage",
-            Self::Config => "config",
-            Self::Input => "input",
-            Self::Io => "io",
-            Self::Space => "space",
-            Self::Exists => "exists",
-            Self::Tool => "tool",
-            Self::Corrupt => "corrupt",
-            Self::Busy => "busy",
-            Self::Memory => "memory",
-            Self::Requeue => "requeue",
-            Self::Interrupted => "interrupted",
-        }
-    }
+variant_names!(ErrorKind {
+    Usage = "usage", Config = "config", Input = "input", Io = "io", Space = "space", Exists = "exists",
+    Tool = "tool", Corrupt = "corrupt", Busy = "busy", Memory = "memory", Requeue = "requeue",
+    Interrupted = "interrupted",
+});
 
+impl ErrorKind {
     /// Returns the exit code of the program for this kind of error.
     ///
     /// # Examples

@@ -1,10 +1,10 @@
 //! Macros for enums whose variants have names.
 
-/// `variant_names!(Color { Red: "red", Blue: "blue" })` defines `Color::ALL`, `Color::name` and `Display`.
+/// `variant_names!(Color { Red = "red", Blue = "blue" })` defines `Color::ALL`, `Color::name` and `Display`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! variant_names {
-    ($owner:ident { $($variant:ident: $name:literal),+ $(,)? }) => {
+    ($owner:ident { $($variant:ident = $name:literal),+ $(,)? }) => {
         impl $owner {
             #[doc = concat!("All values: ", $("`", $name, "` "),+)]
             pub const ALL: [Self; [$($name),+].len()] = [$(Self::$variant),+];
@@ -26,7 +26,7 @@ macro_rules! variant_names {
     };
 }
 
-/// `named_variants!(Color, "color" { Red: "red", Blue: "blue" })` also defines `FromStr`. Errors are about `color`.
+/// `named_variants!(Color, "color" { Red = "red", Blue = "blue" })` also defines `FromStr`. Errors are about `color`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! named_variants {

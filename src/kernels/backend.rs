@@ -35,7 +35,7 @@ pub enum Backend {
 pub(super) const BACKEND_ENV_VAR: &str = "SPIKELANE_BACKEND";
 
 named_variants!(Backend, "backend" {
-    Reference: "reference", Portable: "portable", Sse41: "sse4.1", Avx2: "avx2", Avx512: "avx512",
+    Reference = "reference", Portable = "portable", Sse41 = "sse4.1", Avx2 = "avx2", Avx512 = "avx512",
 });
 
 impl Backend {

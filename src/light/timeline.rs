@@ -35,7 +35,7 @@ pub enum Interpolation {
     Flow,
 }
 
-named_variants!(Interpolation, "frame interpolation" { Hold: "hold", Linear: "linear", Flow: "flow" });
+named_variants!(Interpolation, "frame interpolation" { Hold = "hold", Linear = "linear", Flow = "flow" });
 
 /// The position of a readout between frame `frame` and the next frame.
 ///

@@ -56,7 +56,7 @@ pub(super) fn multiplier_per_step() -> f64 {
 }
 
 /// The largest or smallest value of each quantity among all pixels, in nominal thresholds.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Extremes {
     threshold: f64,
     smallest_threshold: f64,
@@ -73,17 +73,7 @@ struct Extremes {
 
 impl Extremes {
     fn from_laws(laws: &[Law], light: f64) -> Self {
-        let none = Self {
-            threshold: 0.0,
-            smallest_threshold: f64::INFINITY,
-            increment: 0.0,
-            noise: 0.0,
-            shot: 0.0,
-            pending_noise: 0.0,
-            ceiling: 0.0,
-            relative_increment: 0.0,
-            max_offset: 0.0,
-        };
+        let none = Self { smallest_threshold: f64::INFINITY, ..Self::default() };
         laws.iter().fold(none, |e, law| e.max_with(law, light))
     }
 

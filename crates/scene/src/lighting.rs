@@ -43,13 +43,8 @@ pub enum Lighting {
 
 // In descending order of their light.
 variant_names!(Lighting {
-    Noon: "noon",
-    LowSun: "low-sun",
-    Overcast: "overcast",
-    Rain: "rain",
-    Tunnel: "tunnel",
-    Dusk: "dusk",
-    Night: "night",
+    Noon = "noon", LowSun = "low-sun", Overcast = "overcast", Rain = "rain", Tunnel = "tunnel", Dusk = "dusk",
+    Night = "night",
 });
 
 impl Lighting {

@@ -34,7 +34,7 @@ pub enum Demosaic {
     Menon,
 }
 
-named_variants!(Demosaic, "demosaicing" { Bilinear: "bilinear", Malvar: "malvar", Menon: "menon" });
+named_variants!(Demosaic, "demosaicing" { Bilinear = "bilinear", Malvar = "malvar", Menon = "menon" });
 
 /// Returns all channels of every pixel, row-major. The channels of a pixel are adjacent, in the order of
 /// [`Mosaic::channels`].

@@ -23,7 +23,7 @@ pub enum MissingFrames {
     Drop,
 }
 
-named_variants!(MissingFrames, "missing frames" { Mark: "mark", Drop: "drop" });
+named_variants!(MissingFrames, "missing frames" { Mark = "mark", Drop = "drop" });
 
 /// The source from which the geometry of a stream was determined.
 #[derive(Clone, Debug, PartialEq, Eq)]

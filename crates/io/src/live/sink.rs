@@ -17,7 +17,7 @@ pub enum OverflowPolicy {
     Block,
 }
 
-named_variants!(OverflowPolicy, "overflow policy" { Drop: "drop", Block: "block" });
+named_variants!(OverflowPolicy, "overflow policy" { Drop = "drop", Block = "block" });
 
 /// The outcome of a delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

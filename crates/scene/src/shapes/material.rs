@@ -90,19 +90,9 @@ pub enum Semantic {
 }
 
 variant_names!(Semantic {
-    Road: "road",
-    Sidewalk: "sidewalk",
-    Building: "building",
-    Wall: "wall",
-    Pole: "pole",
-    TrafficLight: "traffic light",
-    TrafficSign: "traffic sign",
-    Vegetation: "vegetation",
-    Terrain: "terrain",
-    Sky: "sky",
-    Car: "car",
-    Truck: "truck",
-    Bus: "bus",
+    Road = "road", Sidewalk = "sidewalk", Building = "building", Wall = "wall", Pole = "pole",
+    TrafficLight = "traffic light", TrafficSign = "traffic sign", Vegetation = "vegetation",
+    Terrain = "terrain", Sky = "sky", Car = "car", Truck = "truck", Bus = "bus",
 });
 
 impl Semantic {

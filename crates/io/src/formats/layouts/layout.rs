@@ -44,8 +44,8 @@ pub enum Layout {
 }
 
 named_variants!(Layout, "layout" {
-    Dat: "dat", DatTop: "dat-top", Rows416: "rows416", Rows1024: "rows1024", NpyBits: "npy-bits",
-    NpyBytes: "npy-bytes", DatMsb: "dat-msb", DatTopMsb: "dat-top-msb", NpyBitsMsb: "npy-bits-msb",
+    Dat = "dat", DatTop = "dat-top", Rows416 = "rows416", Rows1024 = "rows1024", NpyBits = "npy-bits",
+    NpyBytes = "npy-bytes", DatMsb = "dat-msb", DatTopMsb = "dat-top-msb", NpyBitsMsb = "npy-bits-msb",
 });
 
 impl Layout {

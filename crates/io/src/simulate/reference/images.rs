@@ -25,7 +25,7 @@ pub enum ImageFormat {
     F32,
 }
 
-named_variants!(ImageFormat, "image format" { U8: "u8", U16: "u16", F32: "f32" });
+named_variants!(ImageFormat, "image format" { U8 = "u8", U16 = "u16", F32 = "f32" });
 
 impl ImageFormat {
     /// Returns the file extension of the format.
