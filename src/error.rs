@@ -11,6 +11,8 @@ use std::borrow::Cow;
 use std::fmt;
 use std::io;
 
+use crate::variants::variant_names;
+
 pub use quoting::excerpt;
 pub use setting::{Setting, render_settings};
 
@@ -51,31 +53,13 @@ pub enum ErrorKind {
     Interrupted,
 }
 
-impl ErrorKind {
-    /// Returns the name of the kind in the program's JSON.
-    ///
-    /// # Examples
-    /// ```
-    /// assert_eq!(spikelane::ErrorKind::Corrupt.name(), "corrupt");
-    /// ```
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Usage => "usage",
-            Self::Config => "config",
-            Self::Input => "input",
-            Self::Io => "io",
-            Self::Space => "space",
-            Self::Exists => "exists",
-            Self::Tool => "tool",
-            Self::Corrupt => "corrupt",
-            Self::Busy => "busy",
-            Self::Memory => "memory",
-            Self::Requeue => "requeue",
-            Self::Interrupted => "interrupted",
-        }
-    }
+variant_names!(ErrorKind {
+    Usage = "usage", Config = "config", Input = "input", Io = "io", Space = "space", Exists = "exists",
+    Tool = "tool", Corrupt = "corrupt", Busy = "busy", Memory = "memory", Requeue = "requeue",
+    Interrupted = "interrupted",
+});
 
+impl ErrorKind {
     /// Returns the exit code of the program for this kind of error.
     ///
     /// # Examples
@@ -127,6 +111,29 @@ pub struct Error {
     remedy: String,
     source: Option<std::io::Error>,
 }
+
+/// Returns an [`Error`] of a kind about a subject: `error!(Config, "{key}"; found "{value}"; expected "0 to 1")`.
+///
+/// The subject and each part (`found`, `expected`, `remedy`) is a format string with its arguments.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __error {
+    ($kind:ident, $($subject:expr),+ $(; $part:ident $($text:expr),+)*) => {
+        $crate::Error::new($crate::ErrorKind::$kind, format_args!($($subject),+))$(.$part(format_args!($($text),+)))*
+    };
+}
+
+/// Returns from a function with the error that [`error!`](__error) creates from the same arguments.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __bail {
+    ($($error:tt)+) => {
+        return Err($crate::error::error!($($error)+))
+    };
+}
+
+#[doc(hidden)]
+pub use crate::{__bail as bail, __error as error};
 
 /// A result whose error type is this crate's [`Error`].
 ///
@@ -236,13 +243,6 @@ impl Error {
     }
 
     /// Sets the description of what was found. [`excerpt`] shortens the description, because it can quote a file.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::{Error, ErrorKind};
-    /// let error = Error::new(ErrorKind::Usage, "threads").found(5000);
-    /// assert_eq!(error.to_string(), "threads: found 5000");
-    /// ```
     #[must_use]
     pub fn found(mut self, found: impl fmt::Display) -> Self {
         self.found = excerpt(&found.to_string()).into_owned();
@@ -250,13 +250,6 @@ impl Error {
     }
 
     /// Sets the description of what was expected.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::{Error, ErrorKind};
-    /// let error = Error::new(ErrorKind::Usage, "threads").expected(format_args!("at most {}", 4096));
-    /// assert_eq!(error.to_string(), "threads: expected at most 4096");
-    /// ```
     #[must_use]
     pub fn expected(mut self, expected: impl fmt::Display) -> Self {
         self.expected = expected.to_string();
@@ -264,13 +257,6 @@ impl Error {
     }
 
     /// Sets the action that solves the problem.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::{Error, ErrorKind};
-    /// let error = Error::new(ErrorKind::Exists, "out.dat").remedy("choose another name");
-    /// assert_eq!(error.to_string(), "out.dat: choose another name");
-    /// ```
     #[must_use]
     pub fn remedy(mut self, remedy: impl fmt::Display) -> Self {
         self.remedy = remedy.to_string();

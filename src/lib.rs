@@ -73,6 +73,8 @@ pub mod spikes;
 mod threads;
 pub mod units;
 pub mod unstable;
+#[doc(hidden)]
+pub mod variants;
 
 #[cfg(feature = "image")]
 pub use conversions::gray_image;

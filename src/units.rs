@@ -4,7 +4,7 @@
 //! In presets and on the command line a quantity is a text such as `"4.348 fF"`. Only a dimensionless quantity may be a
 //! bare number.
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, error};
 
 /// Charge of an electron in femtocoulombs (CODATA 2018, exact).
 pub(crate) const ELECTRON_FC: f64 = 1.602_176_634e-4;
@@ -92,7 +92,7 @@ impl Unit {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the number is malformed or not finite, or if its unit is missing or wrong.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the number is malformed or not finite, or if its unit is missing or wrong.
     pub fn parse(self, text: &str) -> Result<f64> {
         let text = text.trim();
         let split = text
@@ -141,7 +141,7 @@ impl Unit {
                 format!("a number with its unit ({})", names.join(", "))
             }
         };
-        Error::new(ErrorKind::Config, "quantity").found(format_args!("\"{text}\"")).expected(expected)
+        error!(Config, "quantity"; found "\"{text}\""; expected "{expected}")
     }
 }
 

@@ -5,6 +5,7 @@
 
 pub use crate::count::Count;
 pub use crate::setters::with_methods;
+pub use crate::variants::{named_variants, variant_names};
 
 /// Random draws that depend only on seed, stream, pixel and readout.
 pub mod draws {

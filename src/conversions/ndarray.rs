@@ -2,7 +2,7 @@
 
 use ndarray::{Array3, ArrayView2, ArrayView3};
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, error};
 use crate::simulate::FrameRef;
 use crate::spikes::{Geometry, SpikeFrames, SpikeFramesRef};
 
@@ -14,7 +14,7 @@ macro_rules! frame_from_view {
             /// Borrows a contiguous view of shape (height, width) in row-major order as a frame.
             ///
             /// # Errors
-            /// Returns [`ErrorKind::Usage`] if the view has gaps between rows or is not in row-major order, such as a
+            /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the view has gaps between rows or is not in row-major order, such as a
             /// transposed view.
             fn try_from(view: ArrayView2<'a, $sample>) -> Result<Self> {
                 match view.to_slice() {
@@ -29,10 +29,8 @@ macro_rules! frame_from_view {
 frame_from_view!(u8, u16, f32);
 
 fn strides_error() -> Error {
-    Error::new(ErrorKind::Usage, "array of light")
-        .found("rows with gaps, or columns stored in memory order")
-        .expected("a contiguous array in row-major order")
-        .remedy("copy the array with `as_standard_layout()`")
+    error!(Usage, "array of light"; found "rows with gaps, or columns stored in memory order";
+        expected "a contiguous array in row-major order"; remedy "copy the array with `as_standard_layout()`")
 }
 
 impl SpikeFramesRef<'_> {

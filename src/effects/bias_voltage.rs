@@ -1,10 +1,6 @@
 //! Offset of the comparator's threshold voltage, drawn separately for every pixel.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, Values};
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `bias_voltage`.
 pub static EFFECT: Definition = Definition::new(
@@ -17,7 +13,15 @@ pub static EFFECT: Definition = Definition::new(
     ],
 )
 .with_edit(edit)
-.with_moments(moments);
+.with_moments(|v, at| {
+    // The rate is proportional to 1/(1 + e), where e is the relative threshold offset of a pixel with mean 0. To second
+    // order, the mean of 1/(1 + e) is 1 + var(e).
+    let variance = (v[1] / at.swing_v).powi(2);
+    // The mean offset shifts full scale too, so the rate from light is unchanged. The dark current is a fixed current in
+    // amperes, so the rate from the dark current changes.
+    let dark = -at.from_dark * v[0] / (at.swing_v + v[0]);
+    Some(Moments { rate: at.increment() * variance + dark, phase_variance: 0.0, spatial_variance: variance })
+});
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     // Full scale is defined for a pixel with the mean threshold, so the mean offset shifts full scale too. In the
@@ -26,14 +30,4 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternR
     for (swing, z) in circuit.swing_v.iter_mut().zip(pattern.normals_if(v[1] != 0.0)) {
         *swing += v[0] + v[1] * z;
     }
-}
-
-fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    // The rate is proportional to 1/(1 + e), where e is the relative threshold offset of a pixel with mean 0. To second
-    // order, the mean of 1/(1 + e) is 1 + var(e).
-    let variance = (v[1] / at.swing_v).powi(2);
-    // The mean offset shifts full scale too, so the rate from light is unchanged. The dark current is a fixed current in
-    // amperes, so the rate from the dark current changes.
-    let dark = -at.from_dark * v[0] / (at.swing_v + v[0]);
-    Some(Moments { rate: at.increment() * variance + dark, phase_variance: 0.0, spatial_variance: variance })
 }

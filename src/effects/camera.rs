@@ -4,7 +4,7 @@ use std::hash::{Hash as _, Hasher};
 
 use crate::count::Count;
 use crate::draws::Seeds;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::inputs;
 use crate::sensor::{FrontEnd, Mosaic, Sensor};
 use crate::spikes::{Crop, Geometry};
@@ -257,7 +257,7 @@ impl Camera {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if
     /// * a measured map does not match the sensor in size or contains a value that is not finite,
     /// * the effects together set the threshold of a pixel to zero or less,
     /// * an effect of another crate has the name of an effect of this library.
@@ -302,9 +302,8 @@ impl Maps {
         for (what, map, target) in pairs {
             let Some(map) = map else { continue };
             if map.len() != pixels || map.iter().any(|v| !v.is_finite()) {
-                return Err(Error::new(ErrorKind::Config, what)
-                    .found(Count(map.len(), "value"))
-                    .expected(format_args!("{pixels} finite values, one per pixel")));
+                bail!(Config, "{what}"; found "{}", Count(map.len(), "value");
+                    expected "{pixels} finite values, one per pixel");
             }
             target.clone_from(map);
         }

@@ -1,10 +1,6 @@
 //! Differences in capacitance between pixels.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, Values};
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `capacitor_mismatch`.
 pub static EFFECT: Definition = Definition::new(
@@ -14,7 +10,10 @@ pub static EFFECT: Definition = Definition::new(
     &[Param::number("sigma", Unit::Femtofarad, (0.0, 1e3), 0.0, 0.0128, "Gaussian standard deviation of the capacitance over the pixels")],
 )
 .with_edit(edit)
-.with_moments(moments);
+.with_moments(|v, at| {
+    let variance = (v[0] / at.capacitance_ff).powi(2);
+    Some(Moments { rate: at.increment() * variance, phase_variance: 0.0, spatial_variance: variance })
+});
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     if v[0] == 0.0 {
@@ -23,9 +22,4 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternR
     for (c, z) in circuit.capacitance_ff.iter_mut().zip(pattern.normals()) {
         *c += v[0] * z;
     }
-}
-
-fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    let variance = (v[0] / at.capacitance_ff).powi(2);
-    Some(Moments { rate: at.increment() * variance, phase_variance: 0.0, spatial_variance: variance })
 }

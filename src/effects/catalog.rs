@@ -1,6 +1,6 @@
 //! The catalog of effects. It contains the effects of this library and the effects that other crates add.
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, bail, error};
 
 use super::ALL;
 use super::definition::{Definition, Param, ParamKind};
@@ -50,7 +50,7 @@ impl Catalog {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if another effect has the same name, or if the definition contradicts itself. A
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if another effect has the same name, or if the definition contradicts itself. A
     /// contradiction is a name that a camera file cannot contain, a repeated parameter key, or a neutral, typical or
     /// search value outside its range.
     pub fn with_definition(mut self, definition: &'static Definition) -> Result<Self> {
@@ -74,13 +74,11 @@ impl Catalog {
     /// Returns the effect called `name`.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if no effect is called `name`. The error lists the names of all effects.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if no effect is called `name`. The error lists the names of all effects.
     pub fn find(&self, name: &str) -> Result<&'static Definition> {
         self.all().find(|d| d.name == name).ok_or_else(|| {
             let names: Vec<_> = self.all().map(|d| d.name).collect();
-            Error::new(ErrorKind::Config, "effect")
-                .found(format_args!("\"{name}\""))
-                .expected(format_args!("one of {}", names.join(", ")))
+            error!(Config, "effect"; found "\"{name}\""; expected "one of {}", names.join(", "))
                 .with_suggestion(name, names)
         })
     }
@@ -88,10 +86,8 @@ impl Catalog {
 
 /// Returns the error for two effects with the same name.
 pub(super) fn name_clash_error(name: &str) -> Error {
-    Error::new(ErrorKind::Config, format_args!("effect {name}"))
-        .found("two effects with this name")
-        .expected("a different name for each effect")
-        .remedy("rename your effect")
+    error!(Config, "effect {name}"; found "two effects with this name";
+        expected "a different name for each effect"; remedy "rename your effect")
 }
 
 fn check_definition(definition: &Definition) -> Result<()> {
@@ -101,18 +97,15 @@ fn check_definition(definition: &Definition) -> Result<()> {
     };
     for (i, param) in definition.params.iter().enumerate() {
         if !is_plain(param.key) || definition.params[..i].iter().any(|p| p.key == param.key) {
-            return Err(Error::new(ErrorKind::Config, "parameter")
-                .found(format_args!("\"{}\"", param.key))
-                .expected("lowercase letters, digits and _, each key once"));
+            bail!(Config, "parameter"; found "\"{}\"", param.key;
+                expected "lowercase letters, digits and _, each key once");
         }
         check_values(param).map_err(|e| e.with_context(param.key))?;
     }
     if is_plain(definition.name) {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::Config, "name")
-        .found(format_args!("\"{}\"", definition.name))
-        .expected("lowercase letters, digits and _"))
+    Err(error!(Config, "name"; found "\"{}\"", definition.name; expected "lowercase letters, digits and _"))
 }
 
 fn check_values(param: &Param) -> Result<()> {
@@ -120,18 +113,16 @@ fn check_values(param: &Param) -> Result<()> {
     param.check(param.typical)?;
     let Some(tried) = param.search else { return Ok(()) };
     if let ParamKind::Choice(_) = param.kind {
-        return Err(Error::new(ErrorKind::Config, "search range")
-            .found("a parameter with a choice of words")
-            .expected("a numeric parameter"));
+        bail!(Config, "search range"; found "a parameter with a choice of words";
+            expected "a numeric parameter");
     }
     let (low, high) = tried.range;
     let inside = |value: &f64| (low..=high).contains(value) && param.check(*value).is_ok();
     if tried.values.iter().all(inside) && low.is_finite() && high.is_finite() {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::Config, "search range")
-        .found(format_args!("{:?} in {low} to {high}", tried.values))
-        .expected(format_args!("values in a finite range, within {}", param.range())))
+    Err(error!(Config, "search range"; found "{:?} in {low} to {high}", tried.values;
+        expected "values in a finite range, within {}", param.range()))
 }
 
 /// Returns the effect of this library called `name`.
@@ -147,7 +138,7 @@ fn check_values(param: &Param) -> Result<()> {
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Config`] if no effect is called `name`. The error lists the names of all effects.
+/// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if no effect is called `name`. The error lists the names of all effects.
 pub fn find(name: &str) -> Result<&'static Definition> {
     Catalog::new().find(name)
 }
@@ -155,6 +146,7 @@ pub fn find(name: &str) -> Result<&'static Definition> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use crate::effects::definition::SearchSpec;
     use crate::units::Unit;
 

@@ -1,10 +1,6 @@
 //! Dark current of the photodiode. The current differs between pixels.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, Values};
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `dark_current`.
 pub static EFFECT: Definition = Definition::new(
@@ -18,7 +14,13 @@ pub static EFFECT: Definition = Definition::new(
     ],
 )
 .with_edit(edit)
-.with_moments(moments);
+.with_moments(|v, at| {
+    // If `negative` is `zero`, negative currents are set to zero. If sigma is below 0.4 of the mean, this changes the mean
+    // by less than 0.1 %.
+    let thresholds = |pa: f64| pa * at.period_s * 1e3 / (at.capacitance_ff * at.swing_v);
+    let relative = thresholds(v[1]) / (at.increment() + thresholds(v[0]));
+    Some(Moments { rate: thresholds(v[0]), phase_variance: 0.0, spatial_variance: relative * relative })
+});
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
     for (dark, z) in circuit.dark_pa.iter_mut().zip(pattern.normals_if(v[1] != 0.0)) {
@@ -27,12 +29,4 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternR
             *dark = dark.max(0.0);
         }
     }
-}
-
-fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    // If `negative` is `zero`, negative currents are set to zero. If sigma is below 0.4 of the mean, this changes the mean
-    // by less than 0.1 %.
-    let thresholds = |pa: f64| pa * at.period_s * 1e3 / (at.capacitance_ff * at.swing_v);
-    let relative = thresholds(v[1]) / (at.increment() + thresholds(v[0]));
-    Some(Moments { rate: thresholds(v[0]), phase_variance: 0.0, spatial_variance: relative * relative })
 }

@@ -1,10 +1,6 @@
 //! Log-normal dark current, as in calibration maps of real cameras.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `dark_tail`.
 pub static EFFECT: Definition = Definition::new(
@@ -15,7 +11,11 @@ pub static EFFECT: Definition = Definition::new(
         .with_search(SearchSpec::deviation((0.0, 1.5), &[0.2, 0.5]))],
 )
 .with_edit(edit)
-.with_moments(moments)
+.with_moments(|v, at| {
+    // A log-normal factor with mean one has the variance exp(sigma^2) - 1.
+    let share = at.from_dark / at.increment();
+    Some(Moments { spatial_variance: share * share * libm::expm1(v[0] * v[0]), ..Moments::default() })
+})
 .scene_like()
 .with_ambiguity_groups(&[AmbiguityGroup::DarkSpikes]);
 
@@ -26,10 +26,4 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternR
     for (dark, z) in circuit.dark_pa.iter_mut().zip(pattern.normals()) {
         *dark *= libm::exp(v[0] * z - 0.5 * v[0] * v[0]);
     }
-}
-
-fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    // A log-normal factor with mean one has the variance exp(sigma^2) - 1.
-    let share = at.from_dark / at.increment();
-    Some(Moments { spatial_variance: share * share * libm::expm1(v[0] * v[0]), ..Moments::default() })
 }

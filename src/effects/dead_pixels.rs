@@ -1,10 +1,6 @@
 //! Pixels that gather no charge.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec, Values};
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `dead_pixels`.
 pub static EFFECT: Definition = Definition::new(
@@ -15,7 +11,7 @@ pub static EFFECT: Definition = Definition::new(
         .with_search(SearchSpec::amplitude((0.0, 0.05), &[0.005]))],
 )
 .with_edit(edit)
-.with_moments(moments)
+.with_moments(|v, at| Some(Moments { rate: -v[0] * at.increment(), phase_variance: 0.0, spatial_variance: v[0] * (1.0 - v[0]) }))
 .scene_like()
 .with_event_kind(EventKind::Pixels);
 
@@ -29,8 +25,4 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternR
             circuit.dark_pa[p] = 0.0;
         }
     }
-}
-
-fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    Some(Moments { rate: -v[0] * at.increment(), phase_variance: 0.0, spatial_variance: v[0] * (1.0 - v[0]) })
 }

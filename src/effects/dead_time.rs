@@ -1,9 +1,6 @@
 //! Dead time of the reset: the first increment after a spike is smaller.
 
-use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
-use crate::pixel::Op;
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `dead_time`.
 pub static EFFECT: Definition = Definition::new(
@@ -13,19 +10,13 @@ pub static EFFECT: Definition = Definition::new(
     &[Param::number("lost_fraction", Unit::Dimensionless, (0.0, 0.5), 0.0, 0.002, "share of the charge of one readout that is lost")
         .with_search(SearchSpec::amplitude((0.0, 0.15), &[0.012, 0.06]))],
 )
-.with_ops(ops)
-.with_moments(moments)
-.scene_like()
-.in_base_model()
-.with_ambiguity_groups(&[AmbiguityGroup::Response]);
-
-fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
-    vec![Op::FirstIncrement { lost: v[0] }]
-}
-
-fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
+.with_ops(|v, _| vec![Op::FirstIncrement { lost: v[0] }])
+.with_moments(|v, at| {
     // Let x be the increment and r the share of an increment that is lost after a spike. Below saturation (x < 1), the
     // rate f solves f = x - r x f.
     let x = at.increment();
     Some(Moments { rate: x / (1.0 + v[0] * x) - x, ..Moments::default() })
-}
+})
+.scene_like()
+.in_base_model()
+.with_ambiguity_groups(&[AmbiguityGroup::Response]);

@@ -3,7 +3,7 @@
 
 use crate::draws::RandomStream;
 use crate::draws::pattern_rng::PatternRng;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::pixel::Op;
 use crate::sensor::Sensor;
 
@@ -84,13 +84,15 @@ impl OperatingPoint {
 /// # Examples
 /// ```
 /// use spikelane::effects::{Moments, OperatingPoint};
-/// /// Predicts the moments of a light leak that adds `values[0]` thresholds per readout.
+/// /// Predicts the moments of a light leak of `values[0]` thresholds per readout. The leak of a pixel deviates from this
+/// /// mean by `values[1]` of its rate, and two independent sources disturb its threshold.
 /// fn moments(values: &[f64], _: &OperatingPoint) -> Option<Moments> {
-///     Some(Moments::default().with_rate(values[0]))
+///     let moments = Moments::default().with_rate(values[0]).with_spatial_variance(values[1].powi(2));
+///     Some(moments.with_phase_variance(0.3f64.powi(2) + 0.4f64.powi(2)))
 /// }
 /// let point = spikelane::Camera::ideal(spikelane::Sensor::new(8, 1, 20_000.0)?).operating_point(0.25);
-/// let predicted = moments(&[0.01], &point).expect("a closed form");
-/// assert_eq!((predicted.rate, predicted.spatial_variance), (0.01, 0.0));
+/// let predicted = moments(&[0.01, 0.5], &point).expect("a closed form");
+/// assert_eq!((predicted.rate, predicted.phase_variance, predicted.spatial_variance), (0.01, 0.25, 0.25));
 /// # Ok::<(), spikelane::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -110,12 +112,6 @@ pub struct Moments {
 
 impl Moments {
     /// Returns these moments with `rate` as the added rate, in spikes per readout.
-    ///
-    /// # Examples
-    /// ```
-    /// let moments = spikelane::effects::Moments::default().with_rate(-0.01);
-    /// assert_eq!((moments.rate, moments.phase_variance), (-0.01, 0.0));
-    /// ```
     #[must_use]
     pub fn with_rate(self, rate: f64) -> Self {
         Self { rate, ..self }
@@ -123,26 +119,12 @@ impl Moments {
 
     /// Returns these moments with `phase_variance` as the added variance of the charge between two spikes, in thresholds
     /// squared.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::effects::Moments;
-    /// // Independent noise of the threshold: the variances of two sources add.
-    /// let moments = Moments::default().with_phase_variance(0.3f64.powi(2) + 0.4f64.powi(2));
-    /// assert_eq!(moments.phase_variance, 0.25);
-    /// ```
     #[must_use]
     pub fn with_phase_variance(self, phase_variance: f64) -> Self {
         Self { phase_variance, ..self }
     }
 
     /// Returns these moments with `spatial_variance` as the added variance of the relative rate between pixels.
-    ///
-    /// # Examples
-    /// ```
-    /// let moments = spikelane::effects::Moments::default().with_spatial_variance(0.25);
-    /// assert_eq!((moments.rate, moments.spatial_variance), (0.0, 0.25));
-    /// ```
     #[must_use]
     pub fn with_spatial_variance(self, spatial_variance: f64) -> Self {
         Self { spatial_variance, ..self }
@@ -256,28 +238,36 @@ pub type MomentsFn = fn(Values<'_>, &OperatingPoint) -> Option<Moments>;
 /// Create a definition with [`Definition::new`] and the builder methods:
 ///
 /// ```
-/// use spikelane::effects::definition::{Definition, Param, SearchSpec, Values};
+/// use spikelane::effects::definition::{AmbiguityGroup, Definition, Moments, Param, SearchSpec, Values};
+/// use spikelane::effects::{self, Circuit};
 /// use spikelane::pixel::Op;
 /// use spikelane::units::Unit;
-/// use spikelane::{Sensor, effects};
+/// use spikelane::{Camera, PatternRng, Seeds, Sensor};
 ///
 /// static SAG: Definition = Definition::new(
 ///     "sag",
-///     "The supply voltage falls when pixels fire, and charge leaks from the pixels.",
+///     "The supply voltage falls when pixels fire, and more in some pixels than in others.",
 ///     "an example",
 ///     &[Param::number("depth", Unit::Dimensionless, (0.0, 0.06), 0.0, 0.01, "fall of the threshold when every pixel fired")
 ///         .with_search(SearchSpec::amplitude((0.0, 0.06), &[0.002, 0.02]))],
 /// )
-/// .with_ops(ops);
+/// .with_edit(edit)
+/// .with_ops(|v, _| vec![Op::SupplyDroop { depth: v[0] }])
+/// .with_moments(|v, at| Some(Moments::default().with_rate(v[0] * at.increment().powi(2))))
+/// .scene_like()
+/// .with_ambiguity_groups(&[AmbiguityGroup::Response]);
 ///
-/// fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
-///     vec![Op::SupplyDroop { depth: v[0] }, Op::Leak { fraction: 0.01 * v[0] }]
+/// fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
+///     for (gain, normal) in circuit.gain.iter_mut().zip(pattern.normals()) {
+///         *gain *= 1.0 + v[0] * normal;
+///     }
 /// }
 ///
 /// let effects = effects::Catalog::new().with_definition(&SAG)?;
-/// let sensor = Sensor::new(64, 32, 20_000.0)?;
-/// let camera = spikelane::Camera::ideal(sensor).with_effect(effects.find("sag")?.typical());
-/// assert_eq!(camera.model(spikelane::Seeds::default())?.ops.len(), 2);
+/// let camera = Camera::ideal(Sensor::new(64, 32, 20_000.0)?).with_effect(effects.find("sag")?.typical());
+/// let model = camera.model(Seeds::default())?;
+/// assert_eq!(model.ops, [Op::SupplyDroop { depth: 0.01 }]);
+/// assert!(model.circuit.gain.iter().any(|gain| *gain != 1.0));
 /// # Ok::<(), spikelane::Error>(())
 /// ```
 #[derive(Debug)]
@@ -379,26 +369,6 @@ impl Definition {
     }
 
     /// Returns this effect with a function that edits the circuit of every pixel.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::effects::{Circuit, Definition, Param};
-    /// use spikelane::units::Unit;
-    /// use spikelane::{Camera, PatternRng, Seeds, Sensor};
-    ///
-    /// /// Draws one gain per pixel.
-    /// fn edit(values: &[f64], _: &Sensor, circuit: &mut Circuit, pattern: &mut PatternRng) {
-    ///     for (gain, normal) in circuit.gain.iter_mut().zip(pattern.normals()) {
-    ///         *gain *= 1.0 + values[0] * normal;
-    ///     }
-    /// }
-    /// const SIGMA: Param = Param::number("sigma", Unit::Dimensionless, (0.0, 0.5), 0.0, 0.02, "spread of gain");
-    /// static SPREAD: Definition = Definition::new("spread", "Gains differ.", "an example", &[SIGMA]).with_edit(edit);
-    ///
-    /// let camera = Camera::ideal(Sensor::new(64, 48, 20_000.0)?).with_effect(SPREAD.neutral());
-    /// assert!(camera.model(Seeds::default())?.circuit.gain.iter().all(|gain| *gain == 1.0));
-    /// # Ok::<(), spikelane::Error>(())
-    /// ```
     #[must_use]
     pub const fn with_edit(mut self, edit: EditFn) -> Self {
         self.edit = edit;
@@ -406,17 +376,6 @@ impl Definition {
     }
 
     /// Returns this effect with a function that returns the operations of every readout.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::{Camera, Seeds, Sensor, Simulator, effects::Definition, pixel::Op};
-    /// // Every spike is lost in the readout circuit.
-    /// static MUTE: Definition = Definition::new("mute", "No spike is reported.", "an example", &[])
-    ///     .with_ops(|_, _| vec![Op::Flip { missed_spikes: 1.0, false_spikes: 0.0 }]);
-    /// let camera = Camera::ideal(Sensor::new(8, 1, 20_000.0)?).with_effect(MUTE.typical());
-    /// assert_eq!(Simulator::new(&camera, Seeds::default())?.run(&[255u8; 8], 10)?.spikes(), 0);
-    /// # Ok::<(), spikelane::Error>(())
-    /// ```
     #[must_use]
     pub const fn with_ops(mut self, ops: OpsFn) -> Self {
         self.ops = ops;
@@ -424,16 +383,6 @@ impl Definition {
     }
 
     /// Returns this effect with a function that predicts its moments.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::effects::{Definition, Moments};
-    /// static MUTE: Definition = Definition::new("mute", "No spike is reported.", "an example", &[])
-    ///     .with_moments(|_, at| Some(Moments::default().with_rate(-at.increment())));
-    /// let point = spikelane::Camera::ideal(spikelane::Sensor::new(8, 1, 20_000.0)?).operating_point(0.25);
-    /// assert_eq!(MUTE.typical().moments(&point).map(|moments| moments.rate), Some(-0.25));
-    /// # Ok::<(), spikelane::Error>(())
-    /// ```
     #[must_use]
     pub const fn with_moments(mut self, moments: MomentsFn) -> Self {
         self.moments = moments;
@@ -441,14 +390,6 @@ impl Definition {
     }
 
     /// Marks this effect as one that a static scene under unknown light cannot distinguish from the scene or the light level.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::effects;
-    /// // Under unknown light, dark corners can be a property of the scene.
-    /// assert!(effects::find("vignetting")?.is_scene_like);
-    /// # Ok::<(), spikelane::Error>(())
-    /// ```
     #[must_use]
     pub const fn scene_like(mut self) -> Self {
         self.is_scene_like = true;
@@ -456,14 +397,6 @@ impl Definition {
     }
 
     /// Marks this effect as invisible below an onset strength and fast-growing above the onset strength.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::effects;
-    /// // A limit of the stored charge has no effect until a pixel reaches the limit.
-    /// assert!(effects::find("saturation_clamp")?.has_onset);
-    /// # Ok::<(), spikelane::Error>(())
-    /// ```
     #[must_use]
     pub const fn with_onset(mut self) -> Self {
         self.has_onset = true;
@@ -471,14 +404,6 @@ impl Definition {
     }
 
     /// Marks the parameter of this effect as part of the base model.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::effects;
-    /// // The base model of a diagnosis includes the dead time.
-    /// assert!(effects::find("dead_time")?.is_base_model);
-    /// # Ok::<(), spikelane::Error>(())
-    /// ```
     #[must_use]
     pub const fn in_base_model(mut self) -> Self {
         self.is_base_model = true;
@@ -486,13 +411,6 @@ impl Definition {
     }
 
     /// Marks this effect as one that changes how statistics depend on the spreads of gain, dark current and threshold.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::effects;
-    /// assert!(effects::find("gain_dark_correlation")?.couples_spreads);
-    /// # Ok::<(), spikelane::Error>(())
-    /// ```
     #[must_use]
     pub const fn with_coupled_spreads(mut self) -> Self {
         self.couples_spreads = true;
@@ -500,14 +418,6 @@ impl Definition {
     }
 
     /// Marks this effect as one that consists of discrete events.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::effects::{Definition, EventKind};
-    /// static LOSS: Definition = Definition::new("loss", "Readouts are lost.", "an example", &[])
-    ///     .with_event_kind(EventKind::DroppedReadouts);
-    /// assert_eq!(LOSS.event_kind, Some(EventKind::DroppedReadouts));
-    /// ```
     #[must_use]
     pub const fn with_event_kind(mut self, events: EventKind) -> Self {
         self.event_kind = Some(events);
@@ -515,14 +425,6 @@ impl Definition {
     }
 
     /// Returns this effect with the reasons for which other effects have similar statistics.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::effects::{AmbiguityGroup, Definition};
-    /// static SLOWDOWN: Definition = Definition::new("slowdown", "Bright pixels fire late.", "an example", &[])
-    ///     .with_ambiguity_groups(&[AmbiguityGroup::Response]);
-    /// assert_eq!(SLOWDOWN.ambiguity_groups, [AmbiguityGroup::Response]);
-    /// ```
     #[must_use]
     pub const fn with_ambiguity_groups(mut self, groups: &'static [AmbiguityGroup]) -> Self {
         self.ambiguity_groups = groups;
@@ -530,13 +432,6 @@ impl Definition {
     }
 
     /// Returns this effect with a limit of its evidence, as a clause without a period.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::effects;
-    /// assert!(effects::find("flicker")?.caveat.starts_with("a flickering lamp has the same statistics"));
-    /// # Ok::<(), spikelane::Error>(())
-    /// ```
     #[must_use]
     pub const fn with_caveat(mut self, caveat: &'static str) -> Self {
         self.caveat = caveat;
@@ -584,14 +479,13 @@ impl Definition {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the effect has no parameter `key`. The error lists the keys of all parameters.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the effect has no parameter `key`. The error lists the keys of all parameters.
     pub fn param_index(&self, key: &str) -> Result<usize> {
         self.params.iter().position(|p| p.key == key).ok_or_else(|| {
             let keys: Vec<_> = self.params.iter().map(|p| p.key).collect();
-            Error::new(ErrorKind::Config, format_args!("effect {}", self.name))
-                .found(format_args!("parameter \"{key}\""))
-                .expected(format_args!("one of {}", keys.join(", ")))
-                .with_suggestion(key, keys)
+            error!(Config, "effect {}", self.name; found "parameter \"{key}\"";
+                expected "one of {}", keys.join(", "))
+            .with_suggestion(key, keys)
         })
     }
 }

@@ -1,32 +1,22 @@
 //! A different gain of the pixels at the border of the sensor.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `edge_columns`.
+#[rustfmt::skip]
 pub static EFFECT: Definition = Definition::new(
     "edge_columns",
     "The pixels of the first and last rows and columns have a different gain, because these pixels lose no light across the border.",
     "calibration maps of a 400x250 camera: the first column differs",
     &[
-        Param::number(
-            "factor",
-            Unit::Dimensionless,
-            (0.0, 4.0),
-            1.0,
-            1.1,
-            "gain of the border pixels, relative to the gain of the other pixels",
-        )
-        .with_search(SearchSpec::amplitude((0.3, 3.0), &[1.02, 1.1, 1.4, 0.9])),
+        Param::number("factor", Unit::Dimensionless, (0.0, 4.0), 1.0, 1.1, "gain of the border pixels, relative to the gain of the other pixels")
+            .with_search(SearchSpec::amplitude((0.3, 3.0), &[1.02, 1.1, 1.4, 0.9])),
         Param::choice("border", &["all", "first-column"], 0, "border pixels: all four sides, or only the first column")
             .omit_if_neutral(),
     ],
 )
 .with_edit(edit)
-.with_moments(moments)
+// No moments: the share of border pixels depends on the sensor's size, which `OperatingPoint` does not contain.
 .scene_like()
 .with_ambiguity_groups(&[AmbiguityGroup::SpatialPattern]);
 
@@ -39,9 +29,4 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut PatternRng) {
             *gain *= v[0];
         }
     }
-}
-
-fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
-    // The share of border pixels depends on the sensor's size, which `OperatingPoint` does not contain.
-    None
 }

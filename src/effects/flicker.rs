@@ -1,9 +1,6 @@
 //! Light that oscillates with the mains or with the refresh of a screen.
 
-use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
-use crate::pixel::Op;
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `flicker`.
 pub static EFFECT: Definition = Definition::new(
@@ -18,16 +15,8 @@ pub static EFFECT: Definition = Definition::new(
         Param::number("phase", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.0, "phase p at the first readout, in periods: 0.25 is a quarter period"),
     ],
 )
-.with_ops(ops)
-.with_moments(moments)
+.with_ops(|v, _| vec![Op::Flicker { depth: v[0], frequency_hz: v[1], phase_turns: v[2] }])
+// A sine has the mean 0 in a whole number of periods, so the mean light is unchanged.
+.with_moments(|_, _| Some(Moments::default()))
 .with_ambiguity_groups(&[AmbiguityGroup::SlowChange])
 .with_caveat("a flickering lamp has the same statistics, so the cause is the lamp and not the camera");
-
-fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
-    vec![Op::Flicker { depth: v[0], frequency_hz: v[1], phase_turns: v[2] }]
-}
-
-fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
-    // A sine has the mean 0 in a whole number of periods, so the mean light is unchanged.
-    Some(Moments::default())
-}

@@ -1,28 +1,19 @@
 //! Correlation between the gain and the dark current of a pixel.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `gain_dark_correlation`.
+#[rustfmt::skip]
 pub static EFFECT: Definition = Definition::new(
     "gain_dark_correlation",
     "Pixels with a high gain have a high dark current, or a low dark current if the correlation is negative. The standard deviations of gain and dark current do not change.",
     "a larger diode collects more light and leaks more",
-    &[Param::number(
-        "correlation",
-        Unit::Dimensionless,
-        (-1.0, 1.0),
-        0.0,
-        0.4,
-        "correlation of gain and dark current over the pixels",
-    )
-    .with_search(SearchSpec::amplitude((-1.0, 1.0), &[0.3, -0.3]))],
+    &[Param::number("correlation", Unit::Dimensionless, (-1.0, 1.0), 0.0, 0.4, "correlation of gain and dark current over the pixels")
+        .with_search(SearchSpec::amplitude((-1.0, 1.0), &[0.3, -0.3]))],
 )
 .with_edit(edit)
-.with_moments(moments)
+// No moments: the added spatial variance is proportional to the product of the spreads of gain and dark current, and
+// `OperatingPoint` does not contain these spreads.
 .scene_like()
 .with_coupled_spreads();
 
@@ -56,10 +47,4 @@ impl Spread {
         let alike = variance.sqrt() <= 1e-12 * mean.abs();
         Self { mean, deviation: if alike { 0.0 } else { variance.sqrt() }, min: minimum }
     }
-}
-
-fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
-    // The added spatial variance is proportional to the product of the spreads of gain and dark current.
-    // `OperatingPoint` does not contain these spreads.
-    None
 }

@@ -1,12 +1,9 @@
 //! Pixels whose dark current is much higher than the mean.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{AmbiguityGroup, Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec, Values};
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `hot_pixels`.
+#[rustfmt::skip]
 pub static EFFECT: Definition = Definition::new(
     "hot_pixels",
     "A share of the pixels has many times the mean dark current.",
@@ -16,15 +13,8 @@ pub static EFFECT: Definition = Definition::new(
             .with_search(SearchSpec::amplitude((0.0, 0.05), &[0.004])),
         Param::number("factor", Unit::Dimensionless, (0.0, 1e4), 1.0, 8.0, "dark current of a hot pixel, relative to the mean dark current of the sensor")
             .with_search(SearchSpec::shape((1.5, 60.0), &[5.0, 12.0])),
-        Param::number(
-            "tail",
-            Unit::Dimensionless,
-            (0.0, 1.0),
-            0.0,
-            0.0,
-            "exponent of a Pareto law. For every share q from 0 to 1, the hottest share q of the hot pixels has at least `factor` times q^-tail",
-        )
-        .omit_if_neutral(),
+        Param::number("tail", Unit::Dimensionless, (0.0, 1.0), 0.0, 0.0, "exponent of a Pareto law. For every share q from 0 to 1, the hottest share q of the hot pixels has at least `factor` times q^-tail")
+            .omit_if_neutral(),
     ],
 )
 .with_edit(edit)

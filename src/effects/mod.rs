@@ -25,6 +25,18 @@ pub use definition::{AmbiguityGroup, Definition, EventKind, Moments, OperatingPo
 pub use effect::Effect;
 pub use model::{Model, StartPhases};
 
+/// The names that the files of the effects use.
+mod prelude {
+    pub(super) use super::circuit::Circuit;
+    pub(super) use super::definition::{
+        AmbiguityGroup, Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec, Values,
+    };
+    pub(super) use crate::draws::pattern_rng::PatternRng;
+    pub(super) use crate::pixel::Op;
+    pub(super) use crate::sensor::Sensor;
+    pub(super) use crate::units::Unit;
+}
+
 macro_rules! effects {
     ($($name:ident),* $(,)?) => {
         $(pub mod $name;)*

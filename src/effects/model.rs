@@ -1,6 +1,6 @@
 //! The model of a camera: the circuits of its pixels and the operations at readouts.
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::pixel::{Adaptation, Lag, Law, Op, Quanta, SlowNoise, Telegraph};
 use crate::spikes::Crop;
 
@@ -73,13 +73,10 @@ impl Model {
         });
         let Some(p) = bad else { return Ok(()) };
         let width = c.geometry.width();
-        Err(Error::new(ErrorKind::Config, format_args!("pixel at row {}, col {}", p / width, p % width))
-            .found(format_args!(
-                "{:.4} fF, {:.4} V, gain {:.4}, {:.4} pA",
-                c.capacitance_ff[p], c.swing_v[p], c.gain[p], c.dark_pa[p]
-            ))
-            .expected("a positive threshold and finite numbers")
-            .remedy("lower the spread of `capacitor_mismatch` or `bias_voltage`"))
+        Err(error!(Config, "pixel at row {}, col {}", p / width, p % width;
+            found "{:.4} fF, {:.4} V, gain {:.4}, {:.4} pA", c.capacitance_ff[p], c.swing_v[p], c.gain[p], c.dark_pa[p];
+            expected "a positive threshold and finite numbers";
+            remedy "lower the spread of `capacitor_mismatch` or `bias_voltage`"))
     }
 
     /// Returns the exact law of pixel `p`.
@@ -218,19 +215,11 @@ impl Model {
 impl Model {
     /// Returns the part of this model for the pixels of `crop`, which must lie within the sensor.
     pub(super) fn window(mut self, crop: Crop) -> Self {
+        #[rustfmt::skip]
         let Circuit {
-            geometry,
-            capacitance_ff,
-            swing_v,
-            gain,
-            dark_pa,
-            telegraph,
-            jitter_share,
+            geometry, capacitance_ff, swing_v, gain, dark_pa, telegraph, jitter_share,
             // All pixels have the same value of these fields.
-            period_s: _,
-            nominal_ff: _,
-            nominal_v: _,
-            sensitivity: _,
+            period_s: _, nominal_ff: _, nominal_v: _, sensitivity: _,
         } = &mut self.circuit;
         for column in [capacitance_ff, swing_v, gain, dark_pa, telegraph, jitter_share] {
             if !column.is_empty() {

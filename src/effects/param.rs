@@ -1,6 +1,6 @@
 //! A parameter of an effect: its key, unit and range, and the values that a diagnosis tries.
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::units::Unit;
 
 use super::search_spec::SearchSpec;
@@ -152,16 +152,13 @@ impl Param {
     pub(super) fn check(&self, value: f64) -> Result<f64> {
         match self.kind {
             ParamKind::Number { unit, low, high } if !(low..=high).contains(&value) => {
-                Err(Error::new(ErrorKind::Config, self.key)
-                    .found(self.format(value))
-                    .expected(format_range(unit, low, high)))
+                Err(error!(Config, "{}", self.key; found "{}", self.format(value);
+                    expected "{}", format_range(unit, low, high)))
             }
             ParamKind::Choice(words)
                 if value.fract() != 0.0 || value < 0.0 || value >= words.len() as f64 =>
             {
-                Err(Error::new(ErrorKind::Config, self.key)
-                    .found(value)
-                    .expected(format_args!("one of {}", words.join(", "))))
+                Err(error!(Config, "{}", self.key; found "{value}"; expected "one of {}", words.join(", ")))
             }
             _ => Ok(value),
         }
@@ -170,7 +167,7 @@ impl Param {
     /// Parses the text of a value.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the number or its unit is invalid, or if the value is outside the range.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the number or its unit is invalid, or if the value is outside the range.
     pub fn parse(&self, text: &str) -> Result<f64> {
         match self.kind {
             ParamKind::Number { .. } if text.trim() == UNLIMITED_WORD => self.check(f64::INFINITY),
@@ -181,9 +178,7 @@ impl Param {
             ParamKind::Choice(words) => {
                 let index = words.iter().position(|w| *w == text.trim());
                 index.map(|i| i as f64).ok_or_else(|| {
-                    Error::new(ErrorKind::Config, self.key)
-                        .found(format_args!("\"{text}\""))
-                        .expected(format_args!("one of {}", words.join(", ")))
+                    error!(Config, "{}", self.key; found "\"{text}\""; expected "one of {}", words.join(", "))
                 })
             }
         }

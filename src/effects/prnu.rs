@@ -1,10 +1,6 @@
 //! Photo-response non-uniformity: a different conversion gain in every pixel.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, Values};
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `prnu`.
 pub static EFFECT: Definition = Definition::new(

@@ -1,11 +1,6 @@
 //! Readout jitter: a random decision whether a pixel fires if its charge is close to the threshold at a readout.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
-use crate::pixel::Op;
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// A spread in pixels that is so large that all rows have practically equal jitter.
 const UNIFORM_SPREAD_PX: f64 = 1e6;
@@ -18,35 +13,24 @@ const BAND_HALF_WIDTH_SIGMAS: f64 = 3.0;
 /// A diagnosis observes the distribution of the jitter widths, but not the positions of the rows with jitter. The
 /// fitted band is therefore centered at the top row. A band at another position has equal statistics if it has equally
 /// many rows of each width.
+#[rustfmt::skip]
 pub static EFFECT: Definition = Definition::new(
     "readout_jitter",
     "If the charge of a pixel is close to its threshold at a readout, the pixel reports the spike at random in this readout or the next one. The effect applies to a band of rows.",
     "metastability of a latch whose input changes while it is read; a static recording of a 400x250 camera shows it around row 207",
     &[
-        Param::number(
-            "width",
-            Unit::Dimensionless,
-            (0.0, 0.05),
-            0.0,
-            0.008,
-            "largest distance of the charge from the threshold at which the report is random, relative to the threshold, in the center row of the band",
-        )
-        .with_search(SearchSpec::amplitude((0.0, 0.05), &[0.003, 0.01])),
+        Param::number("width", Unit::Dimensionless, (0.0, 0.05), 0.0, 0.008, "largest distance of the charge from the threshold at which the report is random, relative to the threshold, in the center row of the band")
+            .with_search(SearchSpec::amplitude((0.0, 0.05), &[0.003, 0.01])),
         Param::number("row", Unit::Pixel, (0.0, 1e6), 0.0, 0.0, "center of the band, in rows from the top"),
-        Param::number(
-            "spread",
-            Unit::Pixel,
-            (0.5, UNIFORM_SPREAD_PX),
-            UNIFORM_SPREAD_PX,
-            8.0,
-            "standard deviation of the Gaussian by which `width` decreases with the distance from the center row; rows beyond 3 standard deviations have no jitter, and 1000000 px covers all rows",
-        )
-        .with_search(SearchSpec::shape((4.0, 2000.0), &[30.0, 120.0])),
+        Param::number("spread", Unit::Pixel, (0.5, UNIFORM_SPREAD_PX), UNIFORM_SPREAD_PX, 8.0, "standard deviation of the Gaussian by which `width` decreases with the distance from the center row; rows beyond 3 standard deviations have no jitter, and 1000000 px covers all rows")
+            .with_search(SearchSpec::shape((4.0, 2000.0), &[30.0, 120.0])),
     ],
 )
 .with_edit(edit)
-.with_ops(ops)
-.with_moments(moments)
+.with_ops(|v, _| vec![Op::ReadoutJitter { width: v[0] }])
+// No moments: jitter adds charge just below the threshold and removes charge just above the threshold. The added and removed
+// charges cancel on average if the increment exceeds the width of the jitter. Otherwise the pixel gains charge, and
+// the gain has no closed form here.
 .with_caveat("the rows with the effect are not identified: a band around another row has nearly the same statistics, with half the spread if rows lie on both sides");
 
 fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut PatternRng) {
@@ -59,15 +43,4 @@ fn edit(v: Values<'_>, _: &Sensor, circuit: &mut Circuit, _: &mut PatternRng) {
         if away.abs() <= BAND_HALF_WIDTH_SIGMAS { libm::exp(-0.5 * away * away) } else { 0.0 }
     };
     circuit.jitter_share = (0..circuit.pixels()).map(share).collect();
-}
-
-fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
-    vec![Op::ReadoutJitter { width: v[0] }]
-}
-
-fn moments(_: Values<'_>, _: &OperatingPoint) -> Option<Moments> {
-    // Jitter adds charge just below the threshold and removes charge just above the threshold. The added and removed
-    // charges cancel on average if the increment exceeds the width of the jitter. Otherwise the pixel gains charge, and
-    // the gain has no closed form here.
-    None
 }

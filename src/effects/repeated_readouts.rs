@@ -1,9 +1,6 @@
 //! Readouts that are written twice.
 
-use crate::effects::definition::{AmbiguityGroup, Definition, EventKind, Moments, OperatingPoint, Param, SearchSpec, Values};
-use crate::pixel::Op;
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `repeated_readouts`.
 pub static EFFECT: Definition = Definition::new(
@@ -13,18 +10,12 @@ pub static EFFECT: Definition = Definition::new(
     &[Param::number("probability", Unit::Dimensionless, (0.0, 0.5), 0.0, 1e-3, "probability that the previous readout replaces a readout")
         .with_search(SearchSpec::amplitude((0.0, 0.2), &[0.001, 0.01]))],
 )
-.with_ops(ops)
-.with_moments(moments)
-.with_event_kind(EventKind::RepeatedReadouts)
-.with_ambiguity_groups(&[AmbiguityGroup::SingleReadouts]);
-
-fn ops(v: Values<'_>, _: &Sensor) -> Vec<Op> {
-    vec![Op::RepeatReadouts { probability: v[0] }]
-}
-
-fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
+.with_ops(|v, _| vec![Op::RepeatReadouts { probability: v[0] }])
+.with_moments(|v, at| {
     // Let x be the increment. The bits of two successive readouts differ with probability 2 min(x, 1 - x).
     // An interval contains 1/x readouts.
     let x = at.increment().min(1.0);
     Some(Moments { phase_variance: 2.0 * v[0] * x.min(1.0 - x) / x, ..Moments::default() })
-}
+})
+.with_event_kind(EventKind::RepeatedReadouts)
+.with_ambiguity_groups(&[AmbiguityGroup::SingleReadouts]);

@@ -1,12 +1,9 @@
 //! Gain variations that are smooth across the sensor.
 
-use crate::draws::pattern_rng::PatternRng;
-use crate::effects::circuit::Circuit;
-use crate::effects::definition::{AmbiguityGroup, Definition, Moments, OperatingPoint, Param, SearchSpec, Values};
-use crate::sensor::Sensor;
-use crate::units::Unit;
+use super::prelude::*;
 
 /// The effect `smooth_prnu`.
+#[rustfmt::skip]
 pub static EFFECT: Definition = Definition::new(
     "smooth_prnu",
     "The gain varies smoothly over the sensor. The map of the gain is Gaussian-blurred white noise, scaled to the standard deviation `sigma`.",
@@ -14,19 +11,15 @@ pub static EFFECT: Definition = Definition::new(
     &[
         Param::number("sigma", Unit::Dimensionless, (0.0, 0.1), 0.0, 0.01, "standard deviation of the gain over the pixels")
             .with_search(SearchSpec::deviation((0.0, 0.1), &[0.02])),
-        Param::number(
-            "length",
-            Unit::Pixel,
-            (0.5, 64.0),
-            3.0,
-            3.0,
-            "standard deviation of the Gaussian blur; the correlation of the gain is 1/e at twice this distance",
-        )
-        .with_search(SearchSpec::shape((0.5, 20.0), &[1.0, 2.0, 4.5])),
+        Param::number("length", Unit::Pixel, (0.5, 64.0), 3.0, 3.0, "standard deviation of the Gaussian blur; the correlation of the gain is 1/e at twice this distance")
+            .with_search(SearchSpec::shape((0.5, 20.0), &[1.0, 2.0, 4.5])),
     ],
 )
 .with_edit(edit)
-.with_moments(moments)
+.with_moments(|v, at| {
+    let share = at.from_light / at.increment();
+    Some(Moments { spatial_variance: (share * v[0]).powi(2), ..Moments::default() })
+})
 .scene_like()
 .with_ambiguity_groups(&[AmbiguityGroup::Neighbors, AmbiguityGroup::SpatialPattern]);
 
@@ -61,9 +54,4 @@ fn gaussian_blur(values: &[f64], count: usize, step: usize, sigma: f64) -> Vec<f
         *slot = sum / squares.sqrt();
     }
     result
-}
-
-fn moments(v: Values<'_>, at: &OperatingPoint) -> Option<Moments> {
-    let share = at.from_light / at.increment();
-    Some(Moments { spatial_variance: (share * v[0]).powi(2), ..Moments::default() })
 }

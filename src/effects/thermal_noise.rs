@@ -1,25 +1,17 @@
 //! Noise of the threshold: kTC noise of the reset and additional noise in volts.
 
-use crate::effects::definition::{Definition, Moments, OperatingPoint, Param, Values};
-use crate::pixel::{Op, NoiseSampling};
-use crate::sensor::Sensor;
+use super::prelude::*;
+use crate::pixel::NoiseSampling;
 use crate::units::BOLTZMANN_J_PER_K;
-use crate::units::Unit;
 
 /// The effect `thermal_noise`.
+#[rustfmt::skip]
 pub static EFFECT: Definition = Definition::new(
     "thermal_noise",
     "The threshold of every pixel has random noise, which acts on the comparison and on the reset. A new noise value is drawn at every readout, or after every reset.",
     "SCSim, arXiv 2405.16790, Algorithm 1, V_T; kT/C; psi from the mean of the largest draw",
     &[
-        Param::number(
-            "temperature",
-            Unit::Kelvin,
-            (0.0, 1000.0),
-            0.0,
-            293.0,
-            "temperature of the kTC noise of the nominal capacitance; 0 K disables kTC noise",
-        ),
+        Param::number("temperature", Unit::Kelvin, (0.0, 1000.0), 0.0, 293.0, "temperature of the kTC noise of the nominal capacitance; 0 K disables kTC noise"),
         Param::number("sigma", Unit::Volt, (0.0, 1.0), 0.0, 0.0, "standard deviation of additional noise, added in quadrature to kTC noise"),
         Param::choice("noise_sampling", &["every-reset", "every-readout"], 0, "when a new noise value is drawn: after every reset of the pixel, or at every readout"),
     ],

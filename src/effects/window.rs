@@ -1,7 +1,7 @@
 //! Windows: cameras that read out only a part of a larger sensor.
 
 use crate::effects::Camera;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::sensor::Mosaic;
 use crate::spikes::{Crop, Geometry};
 
@@ -28,7 +28,7 @@ impl Camera {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within this camera.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the rectangle is empty or not within this camera.
     /// Returns the errors of [`Self::whole_sensor`].
     pub fn window(&self, crop: Crop) -> Result<Self> {
         let geometry = crop.geometry(self.sensor.geometry)?;
@@ -58,14 +58,13 @@ impl Camera {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the size of the sensor was changed after the window was cut.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the size of the sensor was changed after the window was cut.
     pub fn whole_sensor(&self) -> Result<Option<(Self, Crop)>> {
         let Some((geometry, crop)) = self.window else { return Ok(None) };
         if crop.geometry(geometry)? != self.sensor.geometry {
-            return Err(Error::new(ErrorKind::Config, "window")
-                .found(format_args!("a sensor of {}", self.sensor.geometry))
-                .expected(format_args!("{}x{}, the size of the window", crop.width, crop.height))
-                .remedy("resize the camera first, then select the window"));
+            bail!(Config, "window"; found "a sensor of {}", self.sensor.geometry;
+                expected "{}x{}, the size of the window", crop.width, crop.height;
+                remedy "resize the camera first, then select the window");
         }
         let mut full = self.clone();
         full.sensor.geometry = geometry;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, bail, error};
 
 /// Largest size in bytes of a text file with settings: a plan, a camera, a set of recordings or a sidecar.
 pub const MAX_TEXT_BYTES: u64 = 16 << 20;
@@ -31,7 +31,7 @@ impl InputFile {
     /// Opens the regular file at `path` without blocking.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Io`] if the file cannot be opened, and [`ErrorKind::Input`] if it is a folder, pipe, socket or
+    /// Returns [`ErrorKind::Io`](crate::ErrorKind::Io) if the file cannot be opened, and [`ErrorKind::Input`](crate::ErrorKind::Input) if it is a folder, pipe, socket or
     /// device.
     pub fn open(path: &Path) -> Result<Self> {
         let io = |e| Error::io(path.display(), e);
@@ -49,17 +49,12 @@ impl InputFile {
     /// Returns the bytes of `range` as a file of their own. Errors refer to the part as `path`.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the range is not inside the file.
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the range is not inside the file.
     pub fn part(&self, range: Range<u64>, path: PathBuf) -> Result<Self> {
         if range.start > range.end || range.end > self.len {
-            return Err(Error::new(ErrorKind::Input, path.display())
-                .found(format_args!("bytes {} to {}", range.start, range.end))
-                .expected(format_args!(
-                    "bytes within the {} of {}",
-                    Count(self.len, "byte"),
-                    self.path.display(),
-                ))
-                .remedy("the file is truncated or damaged; copy it again"));
+            bail!(Input, "{}", path.display(); found "bytes {} to {}", range.start, range.end;
+                expected "bytes within the {} of {}", Count(self.len, "byte"), self.path.display();
+                remedy "the file is truncated or damaged; copy it again");
         }
         let file = Arc::clone(&self.file);
         Ok(Self { file, path, start: self.start + range.start, len: range.end - range.start })
@@ -83,9 +78,9 @@ impl InputFile {
     /// Fills `bytes` with the bytes of the file that start at `offset`.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the file has too few bytes, for example because another process shortened the
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the file has too few bytes, for example because another process shortened the
     /// file.
-    /// Returns [`ErrorKind::Io`] if the system cannot read the file.
+    /// Returns [`ErrorKind::Io`](crate::ErrorKind::Io) if the system cannot read the file.
     pub fn read_at(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
         let at = self.start.saturating_add(offset);
         read_exact_at(&self.file, at, bytes).map_err(|e| match e.kind() {
@@ -112,13 +107,12 @@ impl InputFile {
     /// `limit` is the maximum size in bytes. `description` names the kind of file in errors.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the file is larger than `limit`. Also returns the errors of
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the file is larger than `limit`. Also returns the errors of
     /// [`InputFile::read_at`].
     pub fn read_all(&self, description: &str, limit: u64) -> Result<Vec<u8>> {
         if self.len > limit {
-            return Err(Error::new(ErrorKind::Input, self.path.display())
-                .found(Count(self.len, "byte"))
-                .expected(format_args!("{description}, at most {}", Count(limit, "byte"))));
+            bail!(Input, "{}", self.path.display(); found "{}", Count(self.len, "byte");
+                expected "{description}, at most {}", Count(limit, "byte"));
         }
         let len = usize::try_from(self.len).unwrap_or(usize::MAX);
         let mut bytes = super::zeroed_vec(self.path.display(), len)?;
@@ -128,10 +122,10 @@ impl InputFile {
 
     fn shortened_error(&self, wanted: u64) -> Error {
         let now = self.file.metadata().map_or(0, |m| m.len()).saturating_sub(self.start);
-        Error::new(ErrorKind::Input, self.path.display())
-            .found(format_args!("{}; the file had {} when the program opened the file", Count(now, "byte"), Count(self.len, "byte")))
-            .expected(format_args!("bytes up to {wanted}"))
-            .remedy("another process shortened or replaced the file; read the file again when the other process has finished")
+        error!(Input, "{}", self.path.display();
+            found "{}; the file had {} when the program opened the file", Count(now, "byte"), Count(self.len, "byte");
+            expected "bytes up to {wanted}";
+            remedy "another process shortened or replaced the file; read the file again when the other process has finished")
     }
 }
 
@@ -170,7 +164,7 @@ impl<F: Borrow<InputFile>> Seek for InputReader<F> {
 /// `limit` is the maximum size in bytes. `description` names the kind of file in errors.
 ///
 /// # Errors
-/// Returns the errors of [`InputFile::open`]. Returns [`ErrorKind::Input`] if the file is larger than `limit`.
+/// Returns the errors of [`InputFile::open`]. Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the file is larger than `limit`.
 pub fn read_bytes(path: &Path, description: &str, limit: u64) -> Result<Vec<u8>> {
     InputFile::open(path)?.read_all(description, limit)
 }
@@ -180,7 +174,7 @@ pub fn read_bytes(path: &Path, description: &str, limit: u64) -> Result<Vec<u8>>
 /// `description` names the kind of file in errors.
 ///
 /// # Errors
-/// Returns the errors of [`read_bytes`], and [`ErrorKind::Input`] if the text is not UTF-8.
+/// Returns the errors of [`read_bytes`], and [`ErrorKind::Input`](crate::ErrorKind::Input) if the text is not UTF-8.
 pub fn read_text(path: &Path, description: &str) -> Result<String> {
     read_text_up_to(path, description, MAX_TEXT_BYTES)
 }
@@ -194,10 +188,8 @@ pub fn read_text(path: &Path, description: &str) -> Result<String> {
 pub fn read_text_up_to(path: &Path, description: &str, limit: u64) -> Result<String> {
     let bytes = read_bytes(path, description, limit)?;
     decoded_text(bytes).map_err(|found| {
-        Error::new(ErrorKind::Input, path.display())
-            .found(found)
-            .expected(format_args!("{description}, as text in UTF-8"))
-            .remedy("save it as UTF-8")
+        error!(Input, "{}", path.display(); found "{found}"; expected "{description}, as text in UTF-8";
+            remedy "save it as UTF-8")
     })
 }
 
@@ -257,7 +249,7 @@ fn check_regular(path: &Path, metadata: &Metadata) -> Result<()> {
         return Ok(());
     }
     let description = if metadata.is_dir() { "a directory" } else { "a pipe or device" };
-    Err(Error::new(ErrorKind::Input, path.display()).found(description).expected("a regular file"))
+    Err(error!(Input, "{}", path.display(); found "{description}"; expected "a regular file"))
 }
 
 /// The flag `O_NONBLOCK` of `open(2)`.
@@ -312,6 +304,7 @@ fn read_exact_at(file: &File, mut offset: u64, mut bytes: &mut [u8]) -> io::Resu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     #[test]
     fn text_is_decoded_by_its_byte_order_mark() {

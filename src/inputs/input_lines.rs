@@ -4,7 +4,7 @@ use std::io::{BufRead as _, BufReader, Read as _};
 
 use super::input_file::{InputFile, InputReader};
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, bail};
 
 /// A reader of the lines of an [`InputFile`]. Only one line is in memory at a time.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ impl<'a> InputLines<'a> {
     /// Returns the next line, including a line break if the line has one. Returns `None` at the end of the file.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if a line is longer than the limit. Also returns the errors of
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if a line is longer than the limit. Also returns the errors of
     /// [`InputFile::read_at`].
     pub fn next_line(&mut self) -> Result<Option<&[u8]>> {
         self.line.clear();
@@ -37,9 +37,9 @@ impl<'a> InputLines<'a> {
         }
         self.number += 1;
         if self.line.len() as u64 > self.limit {
-            return Err(Error::new(ErrorKind::Input, self.file.path().display())
-                .found(format_args!("more than {} in line {}", Count(self.limit, "byte"), self.number))
-                .expected(format_args!("lines of at most {}", Count(self.limit, "byte"))));
+            bail!(Input, "{}", self.file.path().display();
+                found "more than {} in line {}", Count(self.limit, "byte"), self.number;
+                expected "lines of at most {}", Count(self.limit, "byte"));
         }
         Ok(Some(&self.line))
     }
@@ -48,6 +48,7 @@ impl<'a> InputLines<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     #[test]
     fn a_line_that_is_too_long_is_an_error_that_names_it() {

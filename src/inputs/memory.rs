@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 
 /// Checks that the system can allocate `bytes` now.
 ///
@@ -12,7 +12,7 @@ use crate::error::{Error, ErrorKind, Result};
 /// another thread can allocate it first.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Memory`] if the system cannot allocate the bytes.
+/// Returns [`ErrorKind::Memory`](crate::ErrorKind::Memory) if the system cannot allocate the bytes.
 pub fn check_memory(subject: impl Display, bytes: usize) -> Result<()> {
     reserved_vec::<u8>(subject, bytes).map(drop)
 }
@@ -20,25 +20,22 @@ pub fn check_memory(subject: impl Display, bytes: usize) -> Result<()> {
 /// Returns an empty vector with capacity for `len` values. `subject` names the purpose in errors.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Memory`] if the system cannot allocate the memory.
+/// Returns [`ErrorKind::Memory`](crate::ErrorKind::Memory) if the system cannot allocate the memory.
 pub fn reserved_vec<T>(subject: impl Display, len: usize) -> Result<Vec<T>> {
     let mut values = Vec::new();
     match values.try_reserve_exact(len) {
         Ok(()) => Ok(values),
-        Err(_) => Err(Error::new(ErrorKind::Memory, subject)
-            .found(format_args!(
-                "not enough memory for {}",
-                Count(len as u128 * size_of::<T>() as u128, "byte"),
-            ))
-            .expected("enough free memory")
-            .remedy("use a smaller input, a machine with more memory or a higher memory limit")),
+        Err(_) => Err(error!(Memory, "{subject}";
+            found "not enough memory for {}", Count(len as u128 * size_of::<T>() as u128, "byte");
+            expected "enough free memory";
+            remedy "use a smaller input, a machine with more memory or a higher memory limit")),
     }
 }
 
 /// Returns a vector of `len` zeros. `subject` names the purpose in errors.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Memory`] if the system cannot allocate the memory.
+/// Returns [`ErrorKind::Memory`](crate::ErrorKind::Memory) if the system cannot allocate the memory.
 pub fn zeroed_vec<T: Copy + Default>(subject: impl Display, len: usize) -> Result<Vec<T>> {
     let mut values = reserved_vec(subject, len)?;
     values.resize(len, T::default());
@@ -48,6 +45,7 @@ pub fn zeroed_vec<T: Copy + Default>(subject: impl Display, len: usize) -> Resul
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     #[test]
     fn sizes_that_no_machine_has_are_an_error() {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, ErrorKind, Result, excerpt};
+use crate::error::{Error, ErrorKind, Result, error, excerpt};
 
 /// Length in bytes of the longest name that all common file systems accept.
 const MAX_NAME_BYTES: usize = 255;
@@ -239,7 +239,7 @@ fn or_current_dir(folder: &Path) -> &Path {
 }
 
 fn link_error(link: &Path, access: Access) -> Error {
-    let error = Error::new(ErrorKind::Input, link.display());
+    let error = error!(Input, "{}", link.display());
     match access {
         Access::Write => error
             .found("a symbolic link")

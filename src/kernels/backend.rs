@@ -1,6 +1,5 @@
-use std::str::FromStr;
-
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::Result;
+use crate::variants::named_variants;
 
 /// An implementation of the kernels. All backends return equal bits, but their speed differs.
 ///
@@ -35,22 +34,11 @@ pub enum Backend {
 /// Name of the environment variable that selects a backend. The variable has no effect if the CPU cannot run the backend.
 pub(super) const BACKEND_ENV_VAR: &str = "SPIKELANE_BACKEND";
 
+named_variants!(Backend, "backend" {
+    Reference = "reference", Portable = "portable", Sse41 = "sse4.1", Avx2 = "avx2", Avx512 = "avx512",
+});
+
 impl Backend {
-    /// All backends, ordered from the slowest to the fastest.
-    pub const ALL: [Self; 5] = [Self::Reference, Self::Portable, Self::Sse41, Self::Avx2, Self::Avx512];
-
-    /// Returns the name of the backend on the command line.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Reference => "reference",
-            Self::Portable => "portable",
-            Self::Sse41 => "sse4.1",
-            Self::Avx2 => "avx2",
-            Self::Avx512 => "avx512",
-        }
-    }
-
     /// Returns whether this CPU can run the backend.
     #[must_use]
     pub fn is_available(self) -> bool {
@@ -81,7 +69,7 @@ impl Backend {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if no backend has this name.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if no backend has this name.
     pub fn from_environment() -> Result<Option<Self>> {
         let Some(name) = std::env::var_os(BACKEND_ENV_VAR) else { return Ok(None) };
         name.to_string_lossy().parse::<Self>().map(Some).map_err(|e| e.with_context(BACKEND_ENV_VAR))
@@ -101,27 +89,5 @@ impl Backend {
             let fastest = Self::ALL.into_iter().rev().find(|b| b.is_available());
             fastest.unwrap_or(Self::Portable)
         })
-    }
-}
-
-impl FromStr for Backend {
-    type Err = Error;
-
-    /// Returns the backend with this name.
-    ///
-    /// # Errors
-    /// If no backend has this name ([`ErrorKind::Usage`]).
-    fn from_str(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|b| b.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, "backend")
-                .found(format_args!("\"{name}\""))
-                .expected("one of reference, portable, sse4.1, avx2, avx512")
-        })
-    }
-}
-
-impl std::fmt::Display for Backend {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
     }
 }

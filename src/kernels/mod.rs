@@ -17,8 +17,9 @@ mod modulation;
 pub mod reference;
 mod start;
 
+pub use crate::light::samples::Samples;
 pub use backend::Backend;
-pub use batch::{Batch, Job, NoiseRoundKeys, RoundKeys, Samples, Segment, SegmentLight};
+pub use batch::{Batch, Job, NoiseRoundKeys, RoundKeys, Segment, SegmentLight};
 pub use bits::AnyCpu;
 pub use bits::{
     BLOCK_WORDS, BitOps, Counters, I16_LANES, I16Lanes, MAX_GROUPS, MAX_SPIKES, OVERRUN, Positions,

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::rate::Rate;
+use super::samples::Samples;
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
-use crate::kernels;
+use crate::error::{Error, Result, bail, error};
 use crate::sensor::{FrontEnd, FullScale, Transfer};
 use crate::spikes::Geometry;
 use crate::spikes::MAX_PIXELS;
@@ -51,11 +51,11 @@ impl OwnedSamples {
 
     /// Borrows the samples in the form that kernels read.
     #[must_use]
-    pub fn as_samples(&self) -> kernels::Samples<'_> {
+    pub fn as_samples(&self) -> Samples<'_> {
         match self {
-            Self::U8(v) => kernels::Samples::U8(v),
-            Self::U16(v) => kernels::Samples::U16(v),
-            Self::F32(v) => kernels::Samples::F32(v),
+            Self::U8(v) => Samples::U8(v),
+            Self::U16(v) => Samples::U16(v),
+            Self::F32(v) => Samples::F32(v),
         }
     }
 }
@@ -95,14 +95,12 @@ impl Frame {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the number of samples differs from the number of pixels, or if a float is
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the number of samples differs from the number of pixels, or if a float is
     /// negative or not finite. The error names the first pixel with an invalid float.
     pub fn new(geometry: Geometry, samples: OwnedSamples) -> Result<Self> {
         if samples.len() != geometry.pixels() {
-            return Err(Error::new(ErrorKind::Input, "frame of light")
-                .found(Count(samples.len(), "sample"))
-                .expected(format_args!("{} for {geometry}", geometry.pixels()))
-                .remedy("check width and height"));
+            bail!(Input, "frame of light"; found "{}", Count(samples.len(), "sample");
+                expected "{} for {geometry}", geometry.pixels(); remedy "check width and height");
         }
         if let OwnedSamples::F32(values) = &samples
             && let Some(p) = invalid_light(values)
@@ -126,17 +124,12 @@ impl Frame {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the number of values is not three times the number of pixels, or if a value is
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the number of values is not three times the number of pixels, or if a value is
     /// negative or not finite.
     pub fn with_rgb(self, rgb: Vec<f32>) -> Result<Self> {
         if rgb.len() != 3 * self.geometry.pixels() {
-            return Err(Error::new(ErrorKind::Input, "colors of a frame")
-                .found(Count(rgb.len(), "value"))
-                .expected(format_args!(
-                    "{}, three for each pixel of {}",
-                    3 * self.geometry.pixels(),
-                    self.geometry
-                )));
+            bail!(Input, "colors of a frame"; found "{}", Count(rgb.len(), "value");
+                expected "{}, three for each pixel of {}", 3 * self.geometry.pixels(), self.geometry);
         }
         if let Some(i) = invalid_light(&rgb) {
             return Err(invalid_light_error(self.geometry, i / 3, rgb[i]));
@@ -255,12 +248,11 @@ impl Frame {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if the sizes differ or if `weight` is outside 0 to 1.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the sizes differ or if `weight` is outside 0 to 1.
     pub fn blend(a: &Self, b: &Self, weight: f32) -> Result<Self> {
         if a.geometry != b.geometry || !(0.0..=1.0).contains(&weight) {
-            return Err(Error::new(ErrorKind::Usage, "interpolated frame")
-                .found(format_args!("{} and {} at weight {weight}", a.geometry, b.geometry))
-                .expected("two frames of one size and a weight from 0 to 1"));
+            bail!(Usage, "interpolated frame"; found "{} and {} at weight {weight}", a.geometry, b.geometry;
+                expected "two frames of one size and a weight from 0 to 1");
         }
         let mix = |x: f32, y: f32| x + weight * (y - x);
         let samples = if let (Some(x), Some(y)) = (a.to_u16(), b.to_u16()) {
@@ -286,15 +278,13 @@ impl Frame {
 /// Returns the geometry that a file declares for its images.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Input`] if the size is not a valid geometry. The kind is not `Usage`, because the invalid size
+/// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the size is not a valid geometry. The kind is not `Usage`, because the invalid size
 /// comes from the file and not from the caller.
 pub fn declared_geometry(width: u64, height: u64, name: &str) -> Result<Geometry> {
     let side = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
-    Geometry::new(side(width), side(height)).map_err(|_| {
-        Error::new(ErrorKind::Input, name)
-            .found(format_args!("images of {width}x{height}"))
-            .expected(format_args!("1 to {MAX_PIXELS} pixels"))
-    })
+    Geometry::new(side(width), side(height)).map_err(
+        |_| error!(Input, "{name}"; found "images of {width}x{height}"; expected "1 to {MAX_PIXELS} pixels"),
+    )
 }
 
 fn zip<T: Copy>(a: &[T], b: &[T], f: impl Fn(T, T) -> T) -> Vec<T> {
@@ -311,10 +301,9 @@ fn invalid_light(values: &[f32]) -> Option<usize> {
 
 fn invalid_light_error(geometry: Geometry, pixel: usize, value: f32) -> Error {
     let (row, col) = (pixel / geometry.width(), pixel % geometry.width());
-    Error::new(ErrorKind::Input, format_args!("pixel row {row}, col {col}"))
-        .found(value)
-        .expected("light that is finite and not negative")
-        .remedy("replace the invalid values before you simulate")
+    error!(Input, "pixel row {row}, col {col}"; found "{value}";
+        expected "light that is finite and not negative";
+        remedy "replace the invalid values before you simulate")
 }
 
 /// A sequence of frames of linear light at the camera's size.

@@ -9,6 +9,7 @@ pub(crate) mod catmull_rom;
 pub(crate) mod frame;
 mod frame_timing;
 mod rate;
+pub(crate) mod samples;
 mod timeline;
 pub(crate) mod transfer;
 

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, error};
 
 /// An exact positive number of events per second.
 ///
@@ -36,7 +36,7 @@ impl Rate {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if either number is zero or greater than 10^12.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if either number is zero or greater than 10^12.
     pub fn new(num: u64, den: u64) -> Result<Self> {
         const MAX_TERM: u64 = 1_000_000_000_000;
         if num == 0 || den == 0 || num > MAX_TERM || den > MAX_TERM {
@@ -71,9 +71,8 @@ pub(super) fn gcd(a: u128, b: u128) -> u128 {
 }
 
 fn bad_rate(text: &str) -> Error {
-    Error::new(ErrorKind::Usage, "rate")
-        .found(format_args!("`{text}`"))
-        .expected("a positive number per second, such as 25, 29.97 or 30000/1001")
+    error!(Usage, "rate"; found "`{text}`";
+        expected "a positive number per second, such as 25, 29.97 or 30000/1001")
 }
 
 impl FromStr for Rate {

@@ -5,12 +5,12 @@
 //! drift, regardless of the length of the video. (A ratio in floats would select wrong frames after about a minute of
 //! 30000/1001 frames per second at 40 kHz.)
 
-use std::str::FromStr;
 use std::sync::Arc;
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail, error};
 use crate::light::rate::{Rate, gcd};
+use crate::variants::named_variants;
 
 /// The method that computes the light between two frames.
 ///
@@ -35,31 +35,7 @@ pub enum Interpolation {
     Flow,
 }
 
-impl FromStr for Interpolation {
-    type Err = Error;
-
-    /// Parses `hold`, `linear` or `flow`.
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "hold" => Ok(Self::Hold),
-            "linear" => Ok(Self::Linear),
-            "flow" => Ok(Self::Flow),
-            _ => Err(Error::new(ErrorKind::Usage, "frame interpolation")
-                .found(format_args!("`{text}`"))
-                .expected("hold, linear or flow")),
-        }
-    }
-}
-
-impl std::fmt::Display for Interpolation {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Hold => "hold",
-            Self::Linear => "linear",
-            Self::Flow => "flow",
-        })
-    }
-}
+named_variants!(Interpolation, "frame interpolation" { Hold = "hold", Linear = "linear", Flow = "flow" });
 
 /// The position of a readout between frame `frame` and the next frame.
 ///
@@ -145,10 +121,10 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if `readouts` is zero.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if `readouts` is zero.
     pub fn from_readouts_per_frame(readouts: u64, interpolation: Interpolation) -> Result<Self> {
         if readouts == 0 {
-            return Err(Error::new(ErrorKind::Usage, "readouts per frame").found(0).expected("at least 1"));
+            bail!(Usage, "readouts per frame"; found "0"; expected "at least 1");
         }
         Ok(Self { num: 1, den: readouts, interpolation, starts: None })
     }
@@ -168,17 +144,15 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if the ratio of the two rates does not fit in 64-bit integers.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the ratio of the two rates does not fit in 64-bit integers.
     pub fn from_rates(source: Rate, readout: Rate, interpolation: Interpolation) -> Result<Self> {
         let num = u128::from(source.num) * u128::from(readout.den);
         let den = u128::from(source.den) * u128::from(readout.num);
         let divisor = gcd(num, den);
         match (u64::try_from(num / divisor), u64::try_from(den / divisor)) {
             (Ok(num), Ok(den)) => Ok(Self { num, den, interpolation, starts: None }),
-            _ => Err(Error::new(ErrorKind::Usage, "frame and readout rates")
-                .found(format_args!("{source} and {readout} per second"))
-                .expected("a ratio of two 64-bit numbers")
-                .remedy("round one of the rates")),
+            _ => Err(error!(Usage, "frame and readout rates"; found "{source} and {readout} per second";
+                expected "a ratio of two 64-bit numbers"; remedy "round one of the rates")),
         }
     }
 
@@ -201,15 +175,14 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if there are fewer than two start times, if the first start time is not 0, if the
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if there are fewer than two start times, if the first start time is not 0, if the
     /// start times do not increase, or if a start time exceeds 11 days.
     pub fn from_times(starts: &[u64], readout: Rate, interpolation: Interpolation) -> Result<Self> {
         const MAX_NANOSECONDS: u64 = 1_000_000_000_000_000;
         let rises = starts.windows(2).all(|w| w[0] < w[1]);
         if starts.len() < 2 || starts[0] != 0 || !rises || starts[starts.len() - 1] > MAX_NANOSECONDS {
-            return Err(Error::new(ErrorKind::Input, "times of frames")
-                .found(Count(starts.len(), "time"))
-                .expected("at least two times that start at 0 and increase, at most 11 days"));
+            bail!(Input, "times of frames"; found "{}", Count(starts.len(), "time");
+                expected "at least two times that start at 0 and increase, at most 11 days");
         }
         let ratio = Self::from_rates(Rate::new(1_000_000_000, 1)?, readout, interpolation)?;
         Ok(Self { starts: Some(starts.into()), ..ratio })
@@ -312,11 +285,11 @@ impl Timeline {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if `frames` is zero.
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if `frames` is zero.
     pub fn position_within(&self, readout: u64, frames: u64) -> Result<FramePosition> {
-        let last = frames.checked_sub(1).ok_or_else(|| {
-            Error::new(ErrorKind::Input, "frames of light").found("none").expected("at least one frame")
-        })?;
+        let last = frames
+            .checked_sub(1)
+            .ok_or_else(|| error!(Input, "frames of light"; found "none"; expected "at least one frame"))?;
         let moment = self.position(readout);
         Ok(if moment.frame >= last {
             FramePosition { frame: last, numerator: 0, denominator: moment.denominator }

@@ -1,6 +1,6 @@
 //! Element types of arrays.
 
-use std::fmt;
+use crate::variants::variant_names;
 
 /// The type of an array's elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,22 +31,12 @@ pub enum Element {
     F64,
 }
 
-impl Element {
-    const ALL: [Self; 12] = [
-        Self::Bool,
-        Self::U8,
-        Self::U16,
-        Self::U32,
-        Self::U64,
-        Self::I8,
-        Self::I16,
-        Self::I32,
-        Self::I64,
-        Self::F16,
-        Self::F32,
-        Self::F64,
-    ];
+variant_names!(Element {
+    Bool = "bool", U8 = "u8", U16 = "u16", U32 = "u32", U64 = "u64", I8 = "i8", I16 = "i16", I32 = "i32",
+    I64 = "i64", F16 = "f16", F32 = "f32", F64 = "f64",
+});
 
+impl Element {
     /// Returns the size of an element in bytes.
     #[must_use]
     pub const fn bytes(self) -> usize {
@@ -64,22 +54,9 @@ impl Element {
         matches!(self, Self::F16 | Self::F32 | Self::F64)
     }
 
-    /// Returns the type in NumPy's notation: a letter and the size in bytes.
-    const fn code(self) -> &'static str {
-        match self {
-            Self::Bool => "b1",
-            Self::U8 => "u1",
-            Self::U16 => "u2",
-            Self::U32 => "u4",
-            Self::U64 => "u8",
-            Self::I8 => "i1",
-            Self::I16 => "i2",
-            Self::I32 => "i4",
-            Self::I64 => "i8",
-            Self::F16 => "f2",
-            Self::F32 => "f4",
-            Self::F64 => "f8",
-        }
+    /// Returns the letter and the number of bytes of the type, as in NumPy.
+    fn code(self) -> String {
+        format!("{}{}", &self.name()[..1], self.bytes())
     }
 
     /// Returns NumPy's type string (`descr`) for this type in little-endian order.
@@ -126,26 +103,6 @@ impl Element {
             Self::F32 => each!(f32),
             Self::F64 => each!(f64),
         }
-    }
-}
-
-impl fmt::Display for Element {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = match self {
-            Self::Bool => "bool",
-            Self::U8 => "u8",
-            Self::U16 => "u16",
-            Self::U32 => "u32",
-            Self::U64 => "u64",
-            Self::I8 => "i8",
-            Self::I16 => "i16",
-            Self::I32 => "i32",
-            Self::I64 => "i64",
-            Self::F16 => "f16",
-            Self::F32 => "f32",
-            Self::F64 => "f64",
-        };
-        f.write_str(name)
     }
 }
 

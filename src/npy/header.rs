@@ -4,7 +4,7 @@ use std::io::Read;
 
 use super::{Element, header_text};
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, error};
 
 /// The first bytes of every file.
 pub const MAGIC: &[u8] = b"\x93NUMPY";
@@ -35,7 +35,7 @@ impl Header {
     /// Parses the header at the start of `bytes`. `name` is the file name in errors.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the header is damaged or if the elements are not numbers.
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the header is damaged or if the elements are not numbers.
     pub fn parse(name: &str, mut bytes: &[u8]) -> Result<Self> {
         Self::read(name, &mut bytes)
     }
@@ -45,7 +45,7 @@ impl Header {
     /// `name` is the file name in errors.
     ///
     /// # Errors
-    /// Returns the errors of [`Header::parse`]. Returns [`ErrorKind::Io`] if reading fails.
+    /// Returns the errors of [`Header::parse`]. Returns [`ErrorKind::Io`](crate::ErrorKind::Io) if reading fails.
     pub fn read(name: &str, reader: &mut impl Read) -> Result<Self> {
         let mut bytes = Vec::new();
         read_exactly(name, reader, &mut bytes, 8)?;
@@ -99,10 +99,8 @@ fn read_exactly(name: &str, reader: &mut impl Read, bytes: &mut Vec<u8>, n: usiz
 }
 
 fn damaged_error(name: &str, found: impl std::fmt::Display) -> Error {
-    Error::new(ErrorKind::Input, name)
-        .found(found)
-        .expected("a NumPy array file (.npy)")
-        .remedy("save the array again with numpy.save")
+    error!(Input, "{name}"; found "{found}"; expected "a NumPy array file (.npy)";
+        remedy "save the array again with numpy.save")
 }
 
 /// Returns a header for little-endian elements in C order. Its bytes equal the bytes that NumPy writes.
@@ -137,6 +135,7 @@ pub fn header_bytes(element: Element, shape: &[u64]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     /// Returns a header of version `version` that contains the text `text`.
     fn header_around(version: u8, text: &str) -> Vec<u8> {

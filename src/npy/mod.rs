@@ -14,13 +14,13 @@ pub use header::{Header, MAGIC, header_bytes};
 use std::io::{self, Read};
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, bail, error};
 use crate::inputs;
 
 /// Returns an `.npy` file of `values`. Each value is an array of its little-endian bytes.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if the number of values does not match `shape`, or if `N` is not the size of an element.
+/// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the number of values does not match `shape`, or if `N` is not the size of an element.
 pub fn to_bytes<const N: usize>(
     element: Element,
     shape: &[u64],
@@ -28,9 +28,8 @@ pub fn to_bytes<const N: usize>(
 ) -> Result<Vec<u8>> {
     let wanted: u64 = shape.iter().product();
     if values.len() as u64 != wanted || N != element.bytes() {
-        return Err(Error::new(ErrorKind::Usage, "array")
-            .found(format_args!("{} of {N} bytes", Count(values.len(), "value")))
-            .expected(format_args!("{wanted} of {} ({element}) for shape {shape:?}", element.bytes())));
+        bail!(Usage, "array"; found "{} of {N} bytes", Count(values.len(), "value");
+            expected "{wanted} of {} ({element}) for shape {shape:?}", element.bytes());
     }
     let mut bytes = header_bytes(element, shape);
     bytes.extend(values.flatten());
@@ -40,7 +39,7 @@ pub fn to_bytes<const N: usize>(
 /// Returns an `.npy` file of a map of `f64` in row-major order. The shape is (rows, width).
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if the length of `map` is not a multiple of `width`.
+/// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the length of `map` is not a multiple of `width`.
 pub fn map_to_bytes(map: &[f64], width: usize) -> Result<Vec<u8>> {
     let rows = map.len() / width.max(1);
     to_bytes(Element::F64, &[rows as u64, width as u64], map.iter().map(|v| v.to_le_bytes()))
@@ -54,21 +53,19 @@ const MAX_MAP_VALUES: u64 = 1 << 24;
 /// The returned elements are in C order, even if the file has Fortran order. `name` is the file name in errors.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Input`] if the header is damaged or declares more than 2^24 elements, or if the file is too short.
+/// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the header is damaged or declares more than 2^24 elements, or if the file is too short.
 pub fn read_map(name: &str, reader: &mut impl Read) -> Result<(Header, Vec<f64>)> {
     let header = Header::read(name, reader)?;
     let count = header.shape.iter().try_fold(1, |n: u64, &side| n.checked_mul(side));
     let Some(count) = count.filter(|&n| n <= MAX_MAP_VALUES) else {
-        return Err(Error::new(ErrorKind::Input, name)
-            .found(format_args!("an array of shape {:?}", header.shape))
-            .expected(format_args!("a map of a sensor, at most {MAX_MAP_VALUES} values")));
+        bail!(Input, "{name}"; found "an array of shape {:?}", header.shape;
+            expected "a map of a sensor, at most {MAX_MAP_VALUES} values");
     };
     let mut bytes = inputs::zeroed_vec(name, count as usize * header.element.bytes())?;
     reader.read_exact(&mut bytes).map_err(|e| match e.kind() {
-        io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData => Error::new(ErrorKind::Input, name)
-            .found(e)
-            .expected(format_args!("an array of shape {:?} of {}", header.shape, header.element))
-            .remedy("the file is truncated; save the array again"),
+        io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData => error!(Input, "{name}"; found "{e}";
+            expected "an array of shape {:?} of {}", header.shape, header.element;
+            remedy "the file is truncated; save the array again"),
         _ => Error::io(name, e),
     })?;
     let values = values(name, &header, &bytes)?;
@@ -80,15 +77,14 @@ pub fn read_map(name: &str, reader: &mut impl Read) -> Result<(Header, Vec<f64>)
 /// The returned elements are in C order, even if the file has Fortran order. `name` is the file name in errors.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Input`] if the header is damaged or if `bytes` contains too few bytes for the array.
+/// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the header is damaged or if `bytes` contains too few bytes for the array.
 pub fn read_values(name: &str, bytes: &[u8]) -> Result<(Header, Vec<f64>)> {
     let header = Header::parse(name, bytes)?;
     let data = &bytes[header.data_offset..];
     let wanted = header.data_bytes().filter(|&n| n <= data.len() as u64).ok_or_else(|| {
-        Error::new(ErrorKind::Input, name)
-            .found(format_args!("{} after the header", Count(data.len(), "byte")))
-            .expected(format_args!("an array of shape {:?} of {}", header.shape, header.element))
-            .remedy("the file is truncated; save the array again")
+        error!(Input, "{name}"; found "{} after the header", Count(data.len(), "byte");
+            expected "an array of shape {:?} of {}", header.shape, header.element;
+            remedy "the file is truncated; save the array again")
     })?;
     let values = values(name, &header, &data[..wanted as usize])?;
     Ok((header, values))
@@ -122,6 +118,7 @@ fn to_c_order(shape: &[u64], values: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     #[test]
     fn columns_first_is_turned_into_rows_first() {

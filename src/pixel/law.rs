@@ -236,39 +236,19 @@ impl Law {
         surround: Surround,
         noise: &mut impl NoiseSource,
     ) -> bool {
+        #[rustfmt::skip]
         let Self {
-            threshold,
-            gain,
-            dark,
-            quantum,
-            quanta_light,
-            quanta_dark,
-            quanta_retention,
-            lost_increment,
-            ceiling,
-            floor,
-            missed_spikes: missed,
-            false_spikes: spurious,
-            leak,
+            threshold, gain, dark, quantum, quanta_light, quanta_dark, quanta_retention, lost_increment,
+            ceiling, floor, missed_spikes: missed, false_spikes: spurious, leak,
             // `lagged` uses these fields:
-            quadratic: _,
-            schedule: _,
-            lag: _,
+            quadratic: _, schedule: _, lag: _,
             // `telegraph_current` uses this field:
             telegraph: _,
             // `compare` uses these fields:
-            threshold_noise: _,
-            noise_sampling: _,
-            lost_remainder: _,
-            comparator_noise: _,
-            jitter_width: _,
-            slow_noise: _,
-            adaptation: _,
+            threshold_noise: _, noise_sampling: _, lost_remainder: _, comparator_noise: _, jitter_width: _,
+            slow_noise: _, adaptation: _,
             // `PixelArray` uses these fields:
-            row_noise: _,
-            crosstalk: _,
-            coupling: _,
-            droop: _,
+            row_noise: _, crosstalk: _, coupling: _, droop: _,
         } = *self;
         let light = self.lagged(state, light);
         let mut charge = gain * light + dark + self.telegraph_current(state, noise);

@@ -94,36 +94,14 @@ pub struct AdaptationRule {
 
 pub(super) fn build(laws: &[RoundedLaw<'_>], width: usize) -> Option<Dynamics> {
     // These constants are equal for all pixels, except for the amplitude of the switching dark current.
+    #[rustfmt::skip]
     let Law {
-        quadratic,
-        schedule,
-        lag,
-        telegraph,
-        leak,
-        comparator_noise: comparator,
-        row_noise,
-        slow_noise: slow,
-        adaptation,
-        crosstalk,
-        coupling,
-        droop,
+        quadratic, schedule, lag, telegraph, leak, comparator_noise: comparator, row_noise, slow_noise: slow,
+        adaptation, crosstalk, coupling, droop,
         // The tables and the constant rules contain these fields:
-        threshold: _,
-        gain: _,
-        dark: _,
-        quantum: _,
-        quanta_light: _,
-        quanta_dark: _,
-        quanta_retention: _,
-        jitter_width: _,
-        threshold_noise: _,
-        noise_sampling: _,
-        lost_increment: _,
-        lost_remainder: _,
-        ceiling: _,
-        floor: _,
-        missed_spikes: _,
-        false_spikes: _,
+        threshold: _, gain: _, dark: _, quantum: _, quanta_light: _, quanta_dark: _, quanta_retention: _,
+        jitter_width: _, threshold_noise: _, noise_sampling: _, lost_increment: _, lost_remainder: _,
+        ceiling: _, floor: _, missed_spikes: _, false_spikes: _,
     } = *laws[0].law;
     let switches = laws.iter().any(|r| r.law.telegraph.amplitude != 0.0);
     let amplitude = |r: &RoundedLaw<'_>| {
@@ -190,25 +168,14 @@ impl Dynamics {
     /// every readout.
     #[must_use]
     pub fn only_changes_light(&self) -> bool {
+        #[rustfmt::skip]
         let Self {
-            leak,
-            coupling,
-            schedule: _,
-            lag: _,
-            telegraph: _,
-            comparator_noise: _,
-            row_noise: _,
-            slow_noise: _,
-            adaptation: _,
-            droop: _,
+            leak, coupling, schedule: _, lag: _, telegraph: _, comparator_noise: _, row_noise: _,
+            slow_noise: _, adaptation: _, droop: _,
             // These rules only change the light of a frame.
-            quadratic: _,
-            peak: _,
-            crosstalk: _,
+            quadratic: _, peak: _, crosstalk: _,
             // These fields are constants of the pixels that the other rules use.
-            threshold: _,
-            max_offset: _,
-            pixel_rows: _,
+            threshold: _, max_offset: _, pixel_rows: _,
         } = self;
         let adds_charge = *leak != 0.0 || *coupling != 0.0;
         !adds_charge && !self.has_varying_increments() && !self.moves_threshold()

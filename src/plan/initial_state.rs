@@ -3,7 +3,7 @@
 use crate::draws::hash::{self, CounterRng, RoundKey, address_key, pixel_half};
 use crate::draws::{RandomStream, Seeds, gauss};
 use crate::effects::{Model, StartPhases};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::pixel::{Law, NoiseSampling};
 use crate::plan::Plan;
 use crate::plan::dynamics::Dynamics;
@@ -125,9 +125,9 @@ impl Plan {
     /// ```
     ///
     /// # Errors
-    /// [`ErrorKind::Input`] if the number of shares is not the number of pixels, or if a share is not in 0 to below 1.
+    /// [`ErrorKind::Input`](crate::ErrorKind::Input) if the number of shares is not the number of pixels, or if a share is not in 0 to below 1.
     pub fn initial_state_with_charges(&self, shares: &[f64]) -> Result<SimulatorState> {
-        let wrong = |found: String| Error::new(ErrorKind::Input, "start charges").found(found);
+        let wrong = |found: String| error!(Input, "start charges"; found "{found}");
         let pixels = self.geometry.pixels();
         if shares.len() != pixels {
             return Err(wrong(format!("{} values", shares.len())).expected(format_args!("{pixels} values")));

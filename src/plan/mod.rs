@@ -33,7 +33,7 @@ use std::sync::{Arc, LazyLock};
 use crate::draws::hash::CounterRng;
 use crate::draws::{RandomStream, Seeds, poisson};
 use crate::effects::{Camera, Model};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::inputs;
 use crate::pixel::Law;
 use crate::spikes::Geometry;
@@ -182,15 +182,14 @@ impl Plan {
     /// ```
     ///
     /// # Errors
-    /// * [`ErrorKind::Usage`] if `max_light` is negative or not finite, or if a window is not within the sensor.
-    /// * [`ErrorKind::Config`] if parameters of the camera contradict each other, or if a value exceeds the range of the
+    /// * [`ErrorKind::Usage`](crate::ErrorKind::Usage) if `max_light` is negative or not finite, or if a window is not within the sensor.
+    /// * [`ErrorKind::Config`](crate::ErrorKind::Config) if parameters of the camera contradict each other, or if a value exceeds the range of the
     ///   fixed-point arithmetic.
-    /// * [`ErrorKind::Memory`] if the system cannot allocate the memory for the plan.
+    /// * [`ErrorKind::Memory`](crate::ErrorKind::Memory) if the system cannot allocate the memory for the plan.
     pub fn with_max_light(camera: &Camera, seeds: Seeds, max_light: f64) -> Result<Self> {
         if !(max_light.is_finite() && max_light >= 0.0) {
-            return Err(Error::new(ErrorKind::Usage, "max light")
-                .found(max_light)
-                .expected("a finite multiple of full scale, zero or more"));
+            bail!(Usage, "max light"; found "{max_light}";
+                expected "a finite multiple of full scale, zero or more");
         }
         if let Some((full_sensor, crop)) = camera.whole_sensor()? {
             return Self::with_max_light(&full_sensor, seeds, max_light)?.window(crop);
@@ -265,7 +264,7 @@ impl Plan {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if `seeds.camera` differs from the seed of this plan. Another camera seed would
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if `seeds.camera` differs from the seed of this plan. Another camera seed would
     /// require another fixed pattern.
     pub fn with_seeds(&self, seeds: Seeds) -> Result<Self> {
         let mut plan = self.clone();
@@ -275,10 +274,9 @@ impl Plan {
 
     pub(crate) fn reseed(&mut self, seeds: Seeds) -> Result<()> {
         if seeds.camera != self.seeds.camera {
-            return Err(Error::new(ErrorKind::Usage, "camera seed")
-                .found(seeds.camera)
-                .expected(format_args!("{}, the seed of the fixed pattern in this plan", self.seeds.camera))
-                .remedy("make a new plan for the other camera"));
+            bail!(Usage, "camera seed"; found "{}", seeds.camera;
+                expected "{}, the seed of the fixed pattern in this plan", self.seeds.camera;
+                remedy "make a new plan for the other camera");
         }
         self.seeds = seeds;
         self.rngs = NoiseRngs::new(seeds);

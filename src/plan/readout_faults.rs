@@ -14,6 +14,7 @@ pub struct ReadoutFaults {
 }
 
 impl ReadoutFaults {
+    #[rustfmt::skip]
     pub(super) fn from_model(model: &Model) -> Self {
         let mut losses = Self::default();
         for op in &model.ops {
@@ -21,29 +22,13 @@ impl ReadoutFaults {
                 Op::DropReadouts { probability: p } => losses.drop_probability = probability(p),
                 Op::RepeatReadouts { probability: p } => losses.repeat_probability = probability(p),
                 // These operations apply to pixels. `Model::law` and `Model::start_phases` handle them.
-                Op::LightQuanta { .. }
-                | Op::DarkQuanta { .. }
-                | Op::CorrelatedQuanta { .. }
-                | Op::ThresholdNoise { .. }
-                | Op::FirstIncrement { .. }
-                | Op::Remainder { .. }
-                | Op::Ceiling { .. }
-                | Op::Flip { .. }
-                | Op::Response { .. }
-                | Op::Flicker { .. }
-                | Op::Drift { .. }
-                | Op::Leak { .. }
-                | Op::ComparatorNoise { .. }
-                | Op::ReadoutJitter { .. }
-                | Op::RowNoise { .. }
-                | Op::SlowThresholdNoise { .. }
-                | Op::Adaptation { .. }
-                | Op::Telegraph { .. }
-                | Op::Lag { .. }
-                | Op::Crosstalk { .. }
-                | Op::SpikeCoupling { .. }
-                | Op::SupplyDroop { .. }
-                | Op::Phase { .. } => {}
+                Op::LightQuanta { .. } | Op::DarkQuanta { .. } | Op::CorrelatedQuanta { .. }
+                | Op::ThresholdNoise { .. } | Op::FirstIncrement { .. } | Op::Remainder { .. }
+                | Op::Ceiling { .. } | Op::Flip { .. } | Op::Response { .. } | Op::Flicker { .. }
+                | Op::Drift { .. } | Op::Leak { .. } | Op::ComparatorNoise { .. } | Op::ReadoutJitter { .. }
+                | Op::RowNoise { .. } | Op::SlowThresholdNoise { .. } | Op::Adaptation { .. }
+                | Op::Telegraph { .. } | Op::Lag { .. } | Op::Crosstalk { .. } | Op::SpikeCoupling { .. }
+                | Op::SupplyDroop { .. } | Op::Phase { .. } => {}
             }
         }
         losses

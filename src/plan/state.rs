@@ -1,6 +1,6 @@
 //! The state of the pixels between readouts, which can be cloned, saved and resumed.
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, error};
 
 /// The state of the pixels. Each column has one entry per pixel and is padded like the tables.
 ///
@@ -144,19 +144,11 @@ impl SimulatorState {
     }
 
     fn columns(&self) -> [&Vec<i16>; 6] {
+        #[rustfmt::skip]
         let Self {
-            charge,
-            fraction,
-            surplus,
-            fired,
-            frozen_noise: frozen,
-            frozen_noise_fraction: frozen_fraction,
+            charge, fraction, surplus, fired, frozen_noise: frozen, frozen_noise_fraction: frozen_fraction,
             // `optional_blocks` returns these columns. `readout` is in the header.
-            slow_state: _,
-            last_frame: _,
-            pending_noise: _,
-            pending_noise_fraction: _,
-            readout: _,
+            slow_state: _, last_frame: _, pending_noise: _, pending_noise_fraction: _, readout: _,
         } = self;
         [charge, fraction, surplus, fired, frozen, frozen_fraction]
     }
@@ -238,9 +230,7 @@ impl SimulatorState {
     }
 
     pub(crate) fn foreign_error(found: &str) -> Error {
-        Error::new(ErrorKind::Input, "saved state")
-            .found(found)
-            .expected("a state saved by a run of this plan")
+        error!(Input, "saved state"; found "{found}"; expected "a state saved by a run of this plan")
     }
 
     /// Parses the result of [`SimulatorState::to_bytes`] for a plan whose initial state is `like`.
@@ -259,7 +249,7 @@ impl SimulatorState {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the bytes are not a saved state or if they are the state of another plan.
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the bytes are not a saved state or if they are the state of another plan.
     pub fn from_bytes(bytes: &[u8], like: &Self) -> Result<Self> {
         let header = MAGIC.len() + 8 + 6 * 8;
         if bytes.len() < header || bytes[..8] != MAGIC {

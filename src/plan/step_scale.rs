@@ -2,7 +2,7 @@
 
 use crate::draws::gauss;
 use crate::effects::Model;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, error};
 use crate::pixel::{Law, Op};
 use crate::plan::MAX_THRESHOLD_STEPS;
 
@@ -56,7 +56,7 @@ pub(super) fn multiplier_per_step() -> f64 {
 }
 
 /// The largest or smallest value of each quantity among all pixels, in nominal thresholds.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Extremes {
     threshold: f64,
     smallest_threshold: f64,
@@ -73,53 +73,22 @@ struct Extremes {
 
 impl Extremes {
     fn from_laws(laws: &[Law], light: f64) -> Self {
-        let none = Self {
-            threshold: 0.0,
-            smallest_threshold: f64::INFINITY,
-            increment: 0.0,
-            noise: 0.0,
-            shot: 0.0,
-            pending_noise: 0.0,
-            ceiling: 0.0,
-            relative_increment: 0.0,
-            max_offset: 0.0,
-        };
+        let none = Self { smallest_threshold: f64::INFINITY, ..Self::default() };
         laws.iter().fold(none, |e, law| e.max_with(law, light))
     }
 
     fn max_with(self, law: &Law, light: f64) -> Self {
+        #[rustfmt::skip]
         let Law {
-            threshold,
-            gain,
-            dark,
-            quantum,
-            quanta_light,
-            quanta_dark,
-            threshold_noise: noise,
-            ceiling,
-            telegraph,
-            coupling,
-            quanta_retention,
+            threshold, gain, dark, quantum, quanta_light, quanta_dark, threshold_noise: noise, ceiling,
+            telegraph, coupling, quanta_retention,
             // `max_effective_light` uses these fields:
-            quadratic: _,
-            schedule: _,
+            quadratic: _, schedule: _,
             // `max_threshold_offset` uses these fields:
-            comparator_noise: _,
-            row_noise: _,
-            slow_noise: _,
-            adaptation: _,
-            droop: _,
+            comparator_noise: _, row_noise: _, slow_noise: _, adaptation: _, droop: _,
             // These fields increase neither the charge nor the threshold.
-            noise_sampling: _,
-            lost_increment: _,
-            lost_remainder: _,
-            floor: _,
-            missed_spikes: _,
-            false_spikes: _,
-            lag: _,
-            leak: _,
-            crosstalk: _,
-            jitter_width: _,
+            noise_sampling: _, lost_increment: _, lost_remainder: _, floor: _, missed_spikes: _,
+            false_spikes: _, lag: _, leak: _, crosstalk: _, jitter_width: _,
         } = *law;
         let light = law.max_effective_light(light);
         let coupled = 4.0 * coupling.abs() * threshold;
@@ -230,19 +199,16 @@ fn storage(model: &Model, e: &mut Extremes) -> Storage {
 }
 
 fn too_small_error(e: &Extremes) -> Error {
-    Error::new(ErrorKind::Config, "fixed point")
-        .found(format_args!("a pixel with {:.2} % of the nominal threshold", 100.0 * e.smallest_threshold))
-        .expected("at least 64 charge steps per threshold in every pixel")
-        .remedy("lower the spread of `capacitor_mismatch` or `bias_voltage`")
+    error!(Config, "fixed point";
+        found "a pixel with {:.2} % of the nominal threshold", 100.0 * e.smallest_threshold;
+        expected "at least 64 charge steps per threshold in every pixel";
+        remedy "lower the spread of `capacitor_mismatch` or `bias_voltage`")
 }
 
 fn too_wide_error(e: &Extremes, light: f64) -> Error {
-    Error::new(ErrorKind::Config, "fixed point")
-        .found(format_args!(
-            "increments up to {:.3}, thresholds up to {:.3}, a largest charge of {:.3}, threshold \
-             noise of {:.4} and shot noise of {:.4} (nominal thresholds, at light {light})",
-            e.increment, e.threshold, e.ceiling, e.noise, e.shot
-        ))
-        .expected("a camera whose values fit 16 bits with at least 1024 steps per threshold")
-        .remedy("reduce the exposure, the noise or the largest charge (above 26 thresholds, omit `saturation_clamp`)")
+    error!(Config, "fixed point";
+        found "increments up to {:.3}, thresholds up to {:.3}, a largest charge of {:.3}, threshold \
+             noise of {:.4} and shot noise of {:.4} (nominal thresholds, at light {light})", e.increment, e.threshold, e.ceiling, e.noise, e.shot;
+        expected "a camera whose values fit 16 bits with at least 1024 steps per threshold";
+        remedy "reduce the exposure, the noise or the largest charge (above 26 thresholds, omit `saturation_clamp`)")
 }

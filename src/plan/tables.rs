@@ -133,38 +133,18 @@ pub(super) fn build(
 ) -> (PixelTables, Rules, Option<Dynamics>) {
     let laws: Vec<RoundedLaw<'_>> = laws.iter().map(|law| RoundedLaw::new(law, scale)).collect();
     // All pixels have equal values of the fields that this pattern binds. The tables contain the other fields.
+    #[rustfmt::skip]
     let Law {
-        quanta_retention,
-        lost_increment,
-        lost_remainder,
-        missed_spikes: missed,
-        false_spikes: spurious,
-        threshold: _,
-        gain: _,
-        dark: _,
-        quantum: _,
-        quanta_light: _,
-        quanta_dark: _,
-        threshold_noise: _,
-        jitter_width: _,
-        ceiling: _,
+        quanta_retention, lost_increment, lost_remainder, missed_spikes: missed, false_spikes: spurious,
+        threshold: _, gain: _, dark: _, quantum: _, quanta_light: _, quanta_dark: _, threshold_noise: _,
+        jitter_width: _, ceiling: _,
         // Without noise, the field of the law is a placeholder. `noise_sampling(model)` therefore reads the operations.
         noise_sampling: _,
         // No operation sets the floor. The kernels saturate at the smallest value of the state.
         floor: _,
         // `Dynamics` contains these fields:
-        quadratic: _,
-        schedule: _,
-        lag: _,
-        telegraph: _,
-        leak: _,
-        comparator_noise: _,
-        row_noise: _,
-        slow_noise: _,
-        adaptation: _,
-        crosstalk: _,
-        coupling: _,
-        droop: _,
+        quadratic: _, schedule: _, lag: _, telegraph: _, leak: _, comparator_noise: _, row_noise: _,
+        slow_noise: _, adaptation: _, crosstalk: _, coupling: _, droop: _,
     } = *laws[0].law;
     let flips = missed != 0.0 || spurious != 0.0;
     let rules = Rules {

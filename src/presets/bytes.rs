@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use crate::effects::{Camera, Catalog};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::presets::file::from_toml_and_maps;
 use crate::presets::maps::MapSource;
 use crate::presets::to_toml;
@@ -78,7 +78,7 @@ pub fn fingerprint(bytes: &[u8]) -> u64 {
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Input`] if another version wrote the bytes or if bytes are missing. Also returns the errors of
+/// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if another version wrote the bytes or if bytes are missing. Also returns the errors of
 /// [`super::from_toml`].
 pub fn from_bytes(bytes: &[u8]) -> Result<Camera> {
     Catalog::new().camera_from_bytes(bytes)
@@ -91,10 +91,9 @@ impl Catalog {
     /// Returns the errors of [`from_bytes`].
     pub fn camera_from_bytes(&self, bytes: &[u8]) -> Result<Camera> {
         let bad = |found: &str| {
-            Error::new(ErrorKind::Input, "camera bytes")
-                .found(found)
-                .expected("a camera written by this version of the library")
-                .remedy("write the camera again, or store cameras as .toml files, which every version reads")
+            error!(Input, "camera bytes"; found "{found}";
+                expected "a camera written by this version of the library";
+                remedy "write the camera again, or store cameras as .toml files, which every version reads")
         };
         let mut rest = bytes.strip_prefix(MAGIC).ok_or_else(|| match bytes {
             [b's', b'p', b'k', b'c', b'a', b'm', ..] => bad("data of another version"),
@@ -122,9 +121,8 @@ impl MapSource for EmbeddedMaps<'_> {
         let (pairs, _) = self.0.as_chunks::<2>();
         let pair = pairs.iter().find(|[name, _]| *name == file.as_bytes());
         pair.map(|[_, bytes]| (Cow::Borrowed(*bytes), file.to_owned())).ok_or_else(|| {
-            Error::new(ErrorKind::Input, file)
-                .found("a reference to a map that the data does not contain")
-                .expected("every map of the camera")
+            error!(Input, "{file}"; found "a reference to a map that the data does not contain";
+                expected "every map of the camera")
         })
     }
 }
@@ -132,6 +130,7 @@ impl MapSource for EmbeddedMaps<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use crate::presets::builtin;
     use crate::spikes::{Crop, Geometry};
 

@@ -9,7 +9,7 @@ use crate::draws::{RandomStream, Seeds};
 use crate::effects::definition::ParamKind;
 use crate::effects::{Camera, Catalog};
 use crate::error::quoting::toml_fault;
-use crate::error::{Error, ErrorKind, Result, excerpt};
+use crate::error::{Result, bail, error, excerpt};
 use crate::inputs;
 use crate::presets::file::{number_unit, value_text};
 use crate::units::Unit;
@@ -112,8 +112,8 @@ impl CameraDistribution {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the text refers to maps, because maps belong to one camera. Returns
-    /// [`ErrorKind::Config`] if the bounds of a range are not two increasing numbers, or if the bounds of a logarithmic
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the text refers to maps, because maps belong to one camera. Returns
+    /// [`ErrorKind::Config`](crate::ErrorKind::Config) if the bounds of a range are not two increasing numbers, or if the bounds of a logarithmic
     /// range are not positive. Also returns the errors of [`crate::presets::from_toml`].
     pub fn parse(text: &str) -> Result<Self> {
         Self::read(text, &Catalog::new())
@@ -121,13 +121,11 @@ impl CameraDistribution {
 
     fn read(text: &str, effects: &Catalog) -> Result<Self> {
         let table: Table = toml::from_str(text)
-            .map_err(|e| Error::new(ErrorKind::Config, "camera distribution").found(toml_fault(&e)))?;
+            .map_err(|e| error!(Config, "camera distribution"; found "{}", toml_fault(&e)))?;
         // Camera files that this crate writes contain the table `[maps]` even if the camera has no maps.
         if table.get("maps").is_some_and(|maps| maps.as_table().is_none_or(|maps| !maps.is_empty())) {
-            return Err(Error::new(ErrorKind::Config, "maps")
-                .found("maps in a distribution")
-                .expected("numbers and ranges")
-                .remedy("remove the maps, or use the camera file of an individual camera"));
+            bail!(Config, "maps"; found "maps in a distribution"; expected "numbers and ranges";
+                remedy "remove the maps, or use the camera file of an individual camera");
         }
         let mut ranges = Vec::new();
         for_each_number(&table, &mut |key, value| {
@@ -204,8 +202,7 @@ impl CameraDistribution {
             };
             set_value(&mut table, &range.key, value);
         }
-        let text =
-            toml::to_string(&table).map_err(|e| Error::new(ErrorKind::Config, "camera file").found(e))?;
+        let text = toml::to_string(&table).map_err(|e| error!(Config, "camera file"; found "{e}"))?;
         self.effects.camera_from_toml(&text, None)
     }
 }
@@ -214,9 +211,8 @@ impl ParamRange {
     fn read(key: &str, table: &Table, effects: &Catalog) -> Result<Self> {
         let unit = key_unit(key, effects)?;
         let bad = |found: &dyn std::fmt::Display| {
-            Error::new(ErrorKind::Config, "range")
-                .found(found)
-                .expected("{ uniform = [low, high] } or { log_uniform = [low, high] } with low < high")
+            error!(Config, "range"; found "{found}";
+                expected "{{ uniform = [low, high] }} or {{ log_uniform = [low, high] }} with low < high")
         };
         let (law, bounds) = match table.iter().next() {
             Some((law, Value::Array(bounds))) if table.len() == 1 => (law, bounds),
@@ -265,9 +261,7 @@ fn for_each_number(table: &Table, visit: &mut dyn FnMut(&str, &Value) -> Result<
 
 fn key_unit(key: &str, effects: &Catalog) -> Result<Unit> {
     let parts: Vec<&str> = key.split('.').collect();
-    let refused = |found: &str| {
-        Error::new(ErrorKind::Config, "range").found(found).expected("a number of the sensor or of an effect")
-    };
+    let refused = |found: &str| error!(Config, "range"; found "{found}"; expected "a number of the sensor or of an effect");
     match parts[..] {
         ["sensor", key] => number_unit(key).ok_or_else(|| refused("a range for a number of pixels")),
         ["effects", name, key] => {
@@ -298,6 +292,7 @@ fn set_value(table: &mut Table, key: &str, value: Value) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     #[test]
     fn a_distribution_keeps_the_mosaic_of_its_camera() {

@@ -8,7 +8,7 @@ use toml::Value;
 
 use crate::effects::{Camera, Catalog, Effect};
 use crate::error::quoting::toml_fault;
-use crate::error::{Error, ErrorKind, Result, excerpt};
+use crate::error::{Result, bail, error, excerpt};
 use crate::presets::maps::{MapFolder, MapSource};
 use crate::presets::{default_sensor, light, maps, mosaic};
 use crate::sensor::Sensor;
@@ -88,14 +88,14 @@ struct SensorTable {
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Config`] if
+/// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if
 /// * the text is not TOML,
 /// * a key is unknown,
 /// * a unit is wrong or missing,
 /// * a value is out of range,
 /// * the window is outside the sensor.
 ///
-/// Returns [`ErrorKind::Input`], [`ErrorKind::Io`] or [`ErrorKind::Corrupt`] if a map is invalid, missing or changed.
+/// Returns [`ErrorKind::Input`](crate::ErrorKind::Input), [`ErrorKind::Io`](crate::ErrorKind::Io) or [`ErrorKind::Corrupt`](crate::ErrorKind::Corrupt) if a map is invalid, missing or changed.
 pub fn from_toml(text: &str, folder: Option<&Path>) -> Result<Camera> {
     Catalog::new().camera_from_toml(text, folder)
 }
@@ -118,9 +118,8 @@ pub(super) fn from_toml_and_maps(text: &str, maps: &dyn MapSource, effects: &Cat
             .remedy("pass the camera file or the preset that the stream was simulated with"));
     }
     let file: File = toml::from_str(text).map_err(|e| {
-        Error::new(ErrorKind::Config, "camera file")
-            .found(toml_fault(&e))
-            .remedy("compare the file with the preset `physical`")
+        error!(Config, "camera file"; found "{}", toml_fault(&e);
+            remedy "compare the file with the preset `physical`")
     })?;
     let mut camera = Camera::ideal(sensor(&file.sensor).map_err(|e| e.with_context("sensor"))?);
     camera.name = file.name;
@@ -138,9 +137,9 @@ pub(super) fn from_toml_and_maps(text: &str, maps: &dyn MapSource, effects: &Cat
     camera.maps = file.maps.load(maps, camera.sensor.geometry)?;
     match &file.window {
         None => Ok(camera),
-        Some(window) => camera.window(window.crop()).map_err(|e| {
-            Error::new(ErrorKind::Config, "window").found(e).expected("a rectangle of the sensor")
-        }),
+        Some(window) => camera
+            .window(window.crop())
+            .map_err(|e| error!(Config, "window"; found "{e}"; expected "a rectangle of the sensor")),
     }
 }
 
@@ -151,7 +150,7 @@ fn sensor(table: &SensorTable) -> Result<Sensor> {
         table.width.unwrap_or(geometry.width() as u32),
         table.height.unwrap_or(geometry.height() as u32),
     )
-    .map_err(|e| Error::new(ErrorKind::Config, e.to_string()))?;
+    .map_err(|e| error!(Config, "{e}"))?;
     let quantities = [
         (&table.readout_rate, &mut sensor.readout_hz),
         (&table.capacitance, &mut sensor.capacitance_ff),
@@ -182,7 +181,7 @@ pub(super) fn number_unit(key: &str) -> Option<Unit> {
 fn effect(name: &str, table: &Value, effects: &Catalog) -> Result<Effect> {
     let mut effect = effects.find(name)?.neutral();
     let Value::Table(table) = table else {
-        return Err(Error::new(ErrorKind::Config, name).found(table).expected("a table of parameters"));
+        bail!(Config, "{name}"; found "{table}"; expected "a table of parameters");
     };
     for (key, value) in table {
         effect = effect.with_text(key, &value_text(value))?;

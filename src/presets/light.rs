@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, error};
 use crate::sensor::{FrontEnd, FullScale, Transfer};
 
 /// The `[light]` table of a camera file, which describes a [`FrontEnd`]. Missing keys have default values.
@@ -55,7 +55,7 @@ fn transfer(value: &Value) -> Result<Transfer> {
         other => other.to_string(),
     };
     // The accepted words are those of the command line. The kind is changed to `Config`, because the error is in a file.
-    text.parse().map_err(|e: Error| Error::new(ErrorKind::Config, "transfer").found(e))
+    text.parse().map_err(|e: Error| error!(Config, "transfer"; found "{e}"))
 }
 
 fn full_scale(value: &Value) -> Result<FullScale> {
@@ -63,8 +63,7 @@ fn full_scale(value: &Value) -> Result<FullScale> {
         Value::Float(code) => Ok(FullScale::Code(*code)),
         Value::Integer(code) => Ok(FullScale::Code(*code as f64)),
         Value::String(word) if word == "peak" => Ok(FullScale::Peak),
-        other => Err(Error::new(ErrorKind::Config, "full_scale")
-            .found(other)
-            .expected("the 8-bit code that is light 1.0, such as 255, or \"peak\"")),
+        other => Err(error!(Config, "full_scale"; found "{other}";
+            expected "the 8-bit code that is light 1.0, such as 255, or \"peak\"")),
     }
 }

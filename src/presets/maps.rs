@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::effects::Maps;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, bail, error};
 use crate::inputs::{Access, InnerPath, read_bytes};
 use crate::npy;
 use crate::spikes::Geometry;
@@ -48,9 +48,9 @@ impl MapSource for MapFolder<'_> {
     fn read(&self, file: &str) -> Result<(Cow<'_, [u8]>, String)> {
         let inner = InnerPath::parse(ErrorKind::Config, "file", file)
             .map_err(|e| e.expected("a path relative to the camera file, inside the folder of this file"))?;
-        let folder = self.0.ok_or_else(|| {
-            Error::new(ErrorKind::Config, file).expected("a camera file in the folder of its maps")
-        })?;
+        let folder = self
+            .0
+            .ok_or_else(|| error!(Config, "{file}"; expected "a camera file in the folder of its maps"))?;
         let path = inner.resolve_in(folder, Access::Read)?;
         let bytes = read_bytes(&path, "a map", MAX_MAP_BYTES)?;
         Ok((Cow::Owned(bytes), path.display().to_string()))
@@ -99,10 +99,8 @@ impl MapEntry {
         let (bytes, name) = files.read(&self.file)?;
         let actual = digest(&bytes)?;
         if actual != self.digest {
-            return Err(Error::new(ErrorKind::Corrupt, name)
-                .found(actual)
-                .expected(&self.digest)
-                .remedy("restore the map that belongs to this camera file"));
+            bail!(Corrupt, "{name}"; found "{actual}"; expected "{}", self.digest;
+                remedy "restore the map that belongs to this camera file");
         }
         read(&bytes, geometry).map_err(|e| e.with_context(name))
     }
@@ -110,11 +108,8 @@ impl MapEntry {
 
 fn read(bytes: &[u8], geometry: Geometry) -> Result<Vec<f64>> {
     let wrong = |found: &dyn std::fmt::Display| {
-        Error::new(ErrorKind::Input, "map").found(found).expected(format_args!(
-            "an .npy array with {} rows and {} columns of f64",
-            geometry.height(),
-            geometry.width()
-        ))
+        error!(Input, "map"; found "{found}";
+            expected "an .npy array with {} rows and {} columns of f64", geometry.height(), geometry.width())
     };
     let (header, values) = npy::read_values("map", bytes)?;
     let shape = [geometry.height() as u64, geometry.width() as u64];

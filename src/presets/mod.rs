@@ -17,7 +17,7 @@ pub use write::{CameraFiles, to_toml};
 use std::path::Path;
 
 use crate::effects::{Camera, Catalog};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::inputs;
 use crate::sensor::Sensor;
 
@@ -112,13 +112,11 @@ pub(crate) fn default_sensor() -> Result<Sensor> {
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Config`] if there is no such model. The error lists all models.
+/// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if there is no such model. The error lists all models.
 pub fn builtin(name: &str) -> Result<Camera> {
     let preset = ALL.iter().find(|p| p.name == name).ok_or_else(|| {
         let names: Vec<_> = ALL.iter().map(|p| p.name).collect();
-        Error::new(ErrorKind::Config, "preset")
-            .found(format_args!("\"{name}\""))
-            .expected(format_args!("one of {}, or a .toml file", names.join(", ")))
+        error!(Config, "preset"; found "\"{name}\""; expected "one of {}, or a .toml file", names.join(", "))
             .with_suggestion(name, names)
     })?;
     from_toml(preset.text, None).map_err(|e| e.with_context(format_args!("preset {name}")))
@@ -135,7 +133,7 @@ pub fn builtin(name: &str) -> Result<Camera> {
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Config`] if there is neither a model nor a file with this name, or if the file does not describe
+/// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if there is neither a model nor a file with this name, or if the file does not describe
 /// a valid camera.
 pub fn load(name_or_path: &str) -> Result<Camera> {
     Catalog::new().load(name_or_path)
@@ -158,7 +156,7 @@ impl Catalog {
     /// Reads the camera file at `path`. Its maps are in the folder of this file.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Io`] if the file cannot be read or is not a regular file. Returns [`ErrorKind::Config`] if
+    /// Returns [`ErrorKind::Io`](crate::ErrorKind::Io) if the file cannot be read or is not a regular file. Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if
     /// the file is larger than 16 MiB or does not describe a valid camera.
     pub fn load_camera(&self, path: &Path) -> Result<Camera> {
         let text = inputs::read_text(path, "a camera file")?;
@@ -170,6 +168,7 @@ impl Catalog {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     #[test]
     fn every_preset_has_a_model_and_reads_back_from_its_own_text() {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::sensor::Mosaic;
 
 /// The `[sensor.mosaic]` table of a camera file. The keys of the inner tables are letters of the pattern.
@@ -50,8 +50,7 @@ fn letter(key: &str, name: &str) -> Result<char> {
     let mut letters = name.chars();
     match (letters.next(), letters.next()) {
         (Some(letter), None) => Ok(letter),
-        _ => Err(Error::new(ErrorKind::Config, key)
-            .found(format_args!("the channel \"{name}\""))
-            .expected("one letter of the pattern")),
+        _ => Err(error!(Config, "{key}"; found "the channel \"{name}\"";
+            expected "one letter of the pattern")),
     }
 }

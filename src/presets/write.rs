@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::count::Count;
 use crate::effects::Camera;
 use crate::effects::definition::{Param, ParamKind};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail, error};
 use crate::presets::file::WindowTable;
 use crate::presets::{light, maps, mosaic};
 use crate::units::Unit;
@@ -90,8 +90,8 @@ pub struct CameraFiles {
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Config`] if the size of a map differs from the sensor. Returns [`ErrorKind::Config`] if the
-/// sensor's size was changed after a window was cut from the sensor. Returns [`ErrorKind::Usage`] if the camera has
+/// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the size of a map differs from the sensor. Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the
+/// sensor's size was changed after a window was cut from the sensor. Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the camera has
 /// maps and the build lacks the feature `maps`.
 pub fn to_toml(camera: &Camera) -> Result<CameraFiles> {
     camera.whole_sensor()?;
@@ -120,7 +120,7 @@ pub fn to_toml(camera: &Camera) -> Result<CameraFiles> {
         maps: map_table(camera, &mut saved)?,
         window: camera.window_crop().map(WindowTable::from_crop),
     };
-    let text = toml::to_string(&file).map_err(|e| Error::new(ErrorKind::Config, "camera file").found(e))?;
+    let text = toml::to_string(&file).map_err(|e| error!(Config, "camera file"; found "{e}"))?;
     Ok(CameraFiles { text, maps: saved })
 }
 
@@ -129,9 +129,8 @@ fn map_table(camera: &Camera, saved: &mut Vec<(String, Vec<u8>)>) -> Result<maps
     let mut entry = |name: &str, map: &Option<Vec<f64>>| -> Result<Option<maps::MapEntry>> {
         let Some(map) = map else { return Ok(None) };
         if map.len() != geometry.pixels() {
-            return Err(Error::new(ErrorKind::Config, name)
-                .found(Count(map.len(), "value"))
-                .expected(format_args!("{}, one per pixel of {geometry}", geometry.pixels())));
+            bail!(Config, "{name}"; found "{}", Count(map.len(), "value");
+                expected "{}, one per pixel of {geometry}", geometry.pixels());
         }
         let bytes = maps::write(map, geometry)?;
         let entry = maps::MapEntry { file: format!("{name}.npy"), digest: maps::digest(&bytes)? };

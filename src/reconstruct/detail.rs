@@ -8,7 +8,7 @@
 use std::ops::Range;
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result, Setting};
+use crate::error::{Result, Setting, bail};
 use crate::reconstruct::{psnr, span_rates};
 use crate::spikes::{Geometry, SpikeFramesRef};
 
@@ -104,26 +104,16 @@ impl DetailReference {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if there are fewer than 20 readouts before `used_readouts` or after
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if there are fewer than 20 readouts before `used_readouts` or after
     /// `used_readouts`.
     pub fn from_surrounding(packed: SpikeFramesRef, used_readouts: Range<usize>) -> Result<Self> {
         let all = packed.readouts();
         if used_readouts.start < Self::MIN_SIDE_READOUTS || used_readouts.end + Self::MIN_SIDE_READOUTS > all
         {
-            return Err(Error::new(ErrorKind::Usage, "readouts outside the window of the image")
-                .found(format_args!(
-                    "{}, of which readouts {used_readouts:?} are in the window",
-                    Count(all, "readout"),
-                ))
-                .expected(format_args!(
-                    "at least {} before and after the window",
-                    Count(Self::MIN_SIDE_READOUTS, "readout"),
-                ))
-                .remedy(format_args!(
-                    "reduce {}, or move {} toward the middle",
-                    Setting("window"),
-                    Setting("at")
-                )));
+            bail!(Usage, "readouts outside the window of the image";
+                found "{}, of which readouts {used_readouts:?} are in the window", Count(all, "readout");
+                expected "at least {} before and after the window", Count(Self::MIN_SIDE_READOUTS, "readout");
+                remedy "reduce {}, or move {} toward the middle", Setting("window"), Setting("at"));
         }
         let rates_of =
             |part: Range<usize>| span_rates(packed.slice(part.clone()), part.len() / 2, part.len());
@@ -185,7 +175,7 @@ impl DetailScores {
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if the sizes differ or if a side is shorter than 8 pixels. Returns [`ErrorKind::Input`]
+/// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the sizes differ or if a side is shorter than 8 pixels. Returns [`ErrorKind::Input`](crate::ErrorKind::Input)
 /// if the image or the reference is flat, or if fewer than 32 pixels are compared.
 pub fn score_detail(
     picture: &[f32],
@@ -208,9 +198,8 @@ pub fn score_detail(
     let power = product(&a, &b);
     let slope = product(&p, &both) / (gain * power);
     if !(slope.is_finite() && power > 0.0) {
-        return Err(Error::new(ErrorKind::Input, "detail of an image")
-            .found("an image or a reference without matching detail")
-            .expected("a scene with visible structure"));
+        bail!(Input, "detail of an image"; found "an image or a reference without matching detail";
+            expected "a scene with visible structure");
     }
     // The noise variance of the mean of two observations is a quarter of the variance of their difference: var((a - b) /
     // 2).
@@ -320,14 +309,12 @@ fn check(picture: &[f32], reference: &DetailReference, geometry: Geometry) -> Re
     let sizes = [picture.len(), reference.observations[0].len(), reference.observations[1].len()];
     let counted = reference.mask.as_ref().is_none_or(|c| c.len() == geometry.pixels());
     if sizes != [geometry.pixels(); 3] || !counted || geometry.width() < 8 || geometry.height() < 8 {
-        return Err(Error::new(ErrorKind::Usage, "image and reference")
-            .found(format_args!("{sizes:?} values for {geometry} pixels"))
-            .expected("the same size, at least 8x8 pixels"));
+        bail!(Usage, "image and reference"; found "{sizes:?} values for {geometry} pixels";
+            expected "the same size, at least 8x8 pixels");
     }
     if interior_pixels(geometry, reference.mask.as_deref()).len() < 32 {
-        return Err(Error::new(ErrorKind::Input, "image and reference")
-            .found("fewer than 32 static pixels")
-            .expected("a scene with static parts"));
+        bail!(Input, "image and reference"; found "fewer than 32 static pixels";
+            expected "a scene with static parts");
     }
     Ok(())
 }
@@ -394,6 +381,7 @@ fn neighbor_median(values: &[f32], width: usize, p: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use crate::draws::pattern_rng::PatternRng;
     use crate::draws::{RandomStream, Seeds};
 

@@ -27,7 +27,7 @@ pub use tfi::{Tfi, tfi, tfi_with_open_pixels};
 pub use tfp::TfpSequence;
 pub use tfp::tfp;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::inputs;
 use crate::spikes::SpikeFramesRef;
 
@@ -45,7 +45,6 @@ fn check_readout(packed: SpikeFramesRef, readout: usize) -> Result<()> {
             RATE_BYTES_PER_PIXEL * geometry.pixels(),
         );
     }
-    Err(Error::new(ErrorKind::Usage, "readout to reconstruct at")
-        .found(readout)
-        .expected(format_args!("less than {}, the number of readouts", packed.readouts())))
+    Err(error!(Usage, "readout to reconstruct at"; found "{readout}";
+        expected "less than {}, the number of readouts", packed.readouts()))
 }

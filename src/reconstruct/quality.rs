@@ -1,6 +1,6 @@
 //! Measures of the similarity between an image and the original image.
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::spikes::Geometry;
 
 /// Side of the window of [`ssim`], in pixels.
@@ -23,7 +23,7 @@ const SSIM_SIGMA_PX: f64 = 1.5;
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if the two images differ in size or are empty, or if `peak` is not positive.
+/// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the two images differ in size or are empty, or if `peak` is not positive.
 pub fn psnr(a: &[f32], b: &[f32], peak: f64) -> Result<f64> {
     check(a.len(), b.len(), a.len(), peak)?;
     let squares = a.iter().zip(b).map(|(&x, &y)| {
@@ -52,14 +52,12 @@ pub fn psnr(a: &[f32], b: &[f32], peak: f64) -> Result<f64> {
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if the images do not have the size of `geometry`, if a side is shorter than 11 pixels,
+/// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the images do not have the size of `geometry`, if a side is shorter than 11 pixels,
 /// or if `peak` is not positive.
 pub fn ssim(a: &[f32], b: &[f32], geometry: Geometry, peak: f64) -> Result<f64> {
     check(a.len(), b.len(), geometry.pixels(), peak)?;
     if geometry.width() < SSIM_WINDOW_PX || geometry.height() < SSIM_WINDOW_PX {
-        return Err(Error::new(ErrorKind::Usage, "structural similarity")
-            .found(geometry)
-            .expected("at least 11x11 pixels"));
+        bail!(Usage, "structural similarity"; found "{geometry}"; expected "at least 11x11 pixels");
     }
     let product = |x: &[f32], y: &[f32]| -> Vec<f64> {
         let pairs = x.iter().zip(y);
@@ -82,14 +80,10 @@ pub fn ssim(a: &[f32], b: &[f32], geometry: Geometry, peak: f64) -> Result<f64> 
 
 fn check(a: usize, b: usize, wanted: usize, peak: f64) -> Result<()> {
     if a != wanted || b != wanted || wanted == 0 {
-        return Err(Error::new(ErrorKind::Usage, "images to compare")
-            .found(format_args!("{a} and {b} pixels"))
-            .expected(format_args!("{} each", wanted.max(1))));
+        bail!(Usage, "images to compare"; found "{a} and {b} pixels"; expected "{} each", wanted.max(1));
     }
     if !(peak.is_finite() && peak > 0.0) {
-        return Err(Error::new(ErrorKind::Usage, "peak value of the images")
-            .found(peak)
-            .expected("a positive number"));
+        bail!(Usage, "peak value of the images"; found "{peak}"; expected "a positive number");
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Texture from intervals (TFI): the duration between successive spikes of a pixel.
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::kernels::{SearchOrder, first_spikes};
 use crate::reconstruct::check_readout;
 use crate::spikes::SpikeFramesRef;
@@ -27,7 +27,7 @@ use crate::spikes::SpikeFramesRef;
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if `at` is not a readout of the stream or if `search` is zero.
+/// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if `at` is not a readout of the stream or if `search` is zero.
 pub fn tfi(packed: SpikeFramesRef, at: usize, search: usize) -> Result<Vec<f32>> {
     Ok(tfi_with_open_pixels(packed, at, search)?.rates)
 }
@@ -95,9 +95,7 @@ impl Tfi {
 pub fn tfi_with_open_pixels(packed: SpikeFramesRef, at: usize, search: usize) -> Result<Tfi> {
     check_readout(packed, at)?;
     if search == 0 {
-        return Err(Error::new(ErrorKind::Usage, "readouts to search for spikes")
-            .found(0)
-            .expected("at least 1"));
+        bail!(Usage, "readouts to search for spikes"; found "0"; expected "at least 1");
     }
     let last = packed.readouts() - 1;
     // For each direction: the number of silent readouts up to the end of the stream. It is `None` if the search ends
@@ -154,7 +152,7 @@ fn silent_readouts([before, after]: [u32; 2], cut: [Option<usize>; 2]) -> [Optio
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if `at` is not a readout of the stream.
+/// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if `at` is not a readout of the stream.
 pub fn isi_map(packed: SpikeFramesRef, at: usize) -> Result<Vec<u32>> {
     check_readout(packed, at)?;
     Ok(spike_numbers(packed, at, packed.readouts()).map(interval).collect())

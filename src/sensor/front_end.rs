@@ -1,7 +1,7 @@
 //! The conversion from the stored codes of an image to light, as a part of the camera model.
 
 use super::Transfer;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail, error};
 use crate::light::transfer::EXACT_LUMINANCE_WEIGHTS;
 
 /// The stored value that corresponds to light 1.0.
@@ -114,21 +114,19 @@ impl FrontEnd {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if a weight is negative, if the weights do not sum to 1 within 0.001, or if full scale is
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if a weight is negative, if the weights do not sum to 1 within 0.001, or if full scale is
     /// outside 1 to 65535.
     pub fn validate(self) -> Result<Self> {
         let sum: f64 = self.luminance.iter().sum();
         let is_normalized = (0.999..=1.001).contains(&sum);
         if !is_normalized || self.luminance.iter().any(|w| *w < 0.0) {
-            return Err(Error::new(ErrorKind::Config, "luminance")
-                .found(self.luminance.map(|w| w.to_string()).join(", "))
-                .expected("weights of red, green and blue that are not negative and sum to 1"));
+            bail!(Config, "luminance"; found "{}", self.luminance.map(|w| w.to_string()).join(", ");
+                expected "weights of red, green and blue that are not negative and sum to 1");
         }
         match self.full_scale {
             FullScale::Code(code) if !(1.0..=65535.0).contains(&code) => {
-                Err(Error::new(ErrorKind::Config, "full_scale")
-                    .found(code)
-                    .expected("an 8-bit code from 1 to 65535, such as 255, or \"peak\""))
+                Err(error!(Config, "full_scale"; found "{code}";
+                    expected "an 8-bit code from 1 to 65535, such as 255, or \"peak\""))
             }
             _ => Ok(self),
         }

@@ -8,7 +8,7 @@ pub use front_end::{FrontEnd, FullScale};
 pub use mosaic::{Channel, Mosaic};
 pub use transfer::Transfer;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::spikes::Geometry;
 use crate::units::ELECTRON_FC;
 
@@ -49,7 +49,7 @@ impl Sensor {
     /// ```
     ///
     /// # Errors
-    /// Returns the errors of [`Geometry::new`], and [`ErrorKind::Config`] if the readout rate is not positive and finite.
+    /// Returns the errors of [`Geometry::new`], and [`ErrorKind::Config`](crate::ErrorKind::Config) if the readout rate is not positive and finite.
     pub fn new(width: u32, height: u32, readout_hz: f64) -> Result<Self> {
         let sensor = Self {
             geometry: Geometry::new(width, height)?,
@@ -73,7 +73,7 @@ impl Sensor {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the rate, the capacitance or the swing is not positive and finite,
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the rate, the capacitance or the swing is not positive and finite,
     /// or if the sensitivity is negative or not finite.
     pub fn validate(self) -> Result<Self> {
         let positive = [
@@ -83,14 +83,12 @@ impl Sensor {
         ];
         for (what, value) in positive {
             if !(value.is_finite() && value > 0.0) {
-                return Err(Error::new(ErrorKind::Config, what).found(value).expected("a positive number"));
+                bail!(Config, "{what}"; found "{value}"; expected "a positive number");
             }
         }
         let sensitivity = self.thresholds_at_full_scale;
         if !(sensitivity.is_finite() && sensitivity >= 0.0) {
-            return Err(Error::new(ErrorKind::Config, "thresholds at full scale")
-                .found(sensitivity)
-                .expected("zero or more"));
+            bail!(Config, "thresholds at full scale"; found "{sensitivity}"; expected "zero or more");
         }
         Ok(self)
     }

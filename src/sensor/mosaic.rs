@@ -6,7 +6,7 @@
 use std::str::FromStr;
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, bail, error};
 use crate::light::transfer::EXACT_LUMINANCE_WEIGHTS;
 use crate::light::{Frame, OwnedSamples};
 use crate::spikes::{Crop, Geometry};
@@ -112,7 +112,7 @@ impl Mosaic {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the pattern is invalid, if a response is not finite, if the light of a channel
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the pattern is invalid, if a response is not finite, if the light of a channel
     /// is not positive for white, if a channel has no response, or if the pattern does not contain a channel of
     /// `responses`.
     pub fn new(pattern: &str, responses: &[(char, [f64; 3])]) -> Result<Self> {
@@ -133,9 +133,8 @@ impl Mosaic {
                 infrared: 0.0,
             });
             given.or_else(|| Channel::from_name(*name)).ok_or_else(|| {
-                Error::new(ErrorKind::Config, "response")
-                    .found(format_args!("no response of the channel {name}"))
-                    .expected("a response for each channel except R, G, B and W")
+                error!(Config, "response"; found "no response of the channel {name}";
+                    expected "a response for each channel except R, G, B and W")
             })
         };
         let channels = names.iter().map(channel).collect::<Result<Vec<_>>>()?;
@@ -154,7 +153,7 @@ impl Mosaic {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the pattern has no such channel, if a value is not finite or negative, or if the
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the pattern has no such channel, if a value is not finite or negative, or if the
     /// light of the channel is not positive for white.
     pub fn with_channel(mut self, name: char, gain: f64, infrared: f64) -> Result<Self> {
         let pattern = self.to_string();
@@ -162,9 +161,7 @@ impl Mosaic {
         let channel = channel.ok_or_else(|| foreign_channel_error("gain", name, &pattern))?;
         for (key, value) in [("gain", gain), ("infrared", infrared)] {
             if !(value.is_finite() && value >= 0.0) {
-                return Err(Error::new(ErrorKind::Config, key)
-                    .found(value)
-                    .expected("a finite number that is not negative"));
+                bail!(Config, "{key}"; found "{value}"; expected "a finite number that is not negative");
             }
         }
         (channel.gain, channel.infrared) = (gain, infrared);
@@ -174,9 +171,8 @@ impl Mosaic {
     fn validate(self) -> Result<Self> {
         for channel in &self.channels {
             if !channel.weights().iter().all(|w| w.is_finite()) || channel.white() <= 0.0 {
-                return Err(Error::new(ErrorKind::Config, "response")
-                    .found(format_args!("{:?} for the channel {}", channel.weights(), channel.name))
-                    .expected("finite weights of red, green and blue whose sum is positive"));
+                bail!(Config, "response"; found "{:?} for the channel {}", channel.weights(), channel.name;
+                    expected "finite weights of red, green and blue whose sum is positive");
             }
         }
         Ok(self)
@@ -259,7 +255,7 @@ impl Mosaic {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the light of a pixel is not finite.
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the light of a pixel is not finite.
     pub fn light(&self, frame: &Frame) -> Result<Frame> {
         let geometry = frame.geometry();
         let width = geometry.width();
@@ -299,12 +295,11 @@ impl Mosaic {
     /// is an index in [`Mosaic::channels`].
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if there is no such channel, and the errors of [`Mosaic::light`].
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if there is no such channel, and the errors of [`Mosaic::light`].
     pub fn channel_light(&self, frame: &Frame, channel: usize) -> Result<Frame> {
         if channel >= self.channels.len() {
-            return Err(Error::new(ErrorKind::Usage, "channel")
-                .found(channel)
-                .expected(format_args!("less than {}, the number of channels", self.channels.len())));
+            bail!(Usage, "channel"; found "{channel}";
+                expected "less than {}, the number of channels", self.channels.len());
         }
         // All channels remain, so the type of the samples is the type of `light`.
         Self { rows: 1, cols: 1, cells: vec![channel], channels: self.channels.clone() }.light(frame)
@@ -347,9 +342,8 @@ impl FromStr for Mosaic {
 /// Returns the number of rows and columns of a pattern, and its letters.
 fn parse_pattern(pattern: &str) -> Result<(usize, usize, Vec<char>)> {
     let error = || {
-        Error::new(ErrorKind::Config, "pattern")
-            .found(format_args!("\"{pattern}\""))
-            .expected("RGGB, BGGR, GRBG, GBRG, RGBW, one of them after `quad-`, or rows of capital letters as in RGBG/GWGW")
+        error!(Config, "pattern"; found "\"{pattern}\"";
+            expected "RGGB, BGGR, GRBG, GBRG, RGBW, one of them after `quad-`, or rows of capital letters as in RGBG/GWGW")
     };
     let (letters, is_quad) = match pattern.strip_prefix("quad-") {
         Some(rest) => (rest, true),
@@ -382,16 +376,14 @@ fn foreign_channel_error(key: &str, name: char, pattern: &str) -> Error {
     let mut names: Vec<char> = pattern.trim_start_matches("quad-").chars().filter(|c| *c != '/').collect();
     names.sort_unstable();
     names.dedup();
-    Error::new(ErrorKind::Config, key).found(format_args!("the channel {name}")).expected(format_args!(
-        "{} of the pattern {pattern}: {}",
-        Count(names.len(), "channel"),
-        names.iter().map(char::to_string).collect::<Vec<_>>().join(", ")
-    ))
+    error!(Config, "{key}"; found "the channel {name}";
+        expected "{} of the pattern {pattern}: {}", Count(names.len(), "channel"), names.iter().map(char::to_string).collect::<Vec<_>>().join(", "))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     #[test]
     fn a_pattern_reads_back_from_its_text() {

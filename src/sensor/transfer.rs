@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result, error};
 
 const PQ_M1: f64 = 2610.0 / 16384.0;
 const PQ_M2: f64 = 2523.0 / 4096.0 * 128.0;
@@ -131,9 +131,8 @@ impl FromStr for Transfer {
         }
         match text.parse::<f64>() {
             Ok(g) if (0.1..=10.0).contains(&g) => Ok(Self::Gamma(g)),
-            _ => Err(Error::new(ErrorKind::Usage, "transfer function")
-                .found(format_args!("`{text}`"))
-                .expected("linear, srgb, pq, hlg, or an exponent from 0.1 to 10 such as 2.2")),
+            _ => Err(error!(Usage, "transfer function"; found "`{text}`";
+                expected "linear, srgb, pq, hlg, or an exponent from 0.1 to 10 such as 2.2")),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Measures whether simulated readouts are saturated or silent.
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, error};
 use crate::spikes::Geometry;
 
 /// Number of consecutive readouts in which a saturated pixel fires.
@@ -67,7 +67,7 @@ impl ExposureFault {
     /// ```
     #[must_use]
     pub fn warning(self, subject: impl std::fmt::Display) -> Error {
-        let warning = Error::new(ErrorKind::Input, subject);
+        let warning = error!(Input, "{subject}");
         match self {
             Self::Saturated { share } => warning
                 .found(format_args!("{:.0} % of the pixel readouts saturated: these pixels fire in every readout", 100.0 * share))

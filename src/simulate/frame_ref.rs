@@ -1,7 +1,7 @@
 use std::borrow::Cow;
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::kernels::Samples;
 use crate::light::Frame;
 use crate::spikes::Geometry;
@@ -70,9 +70,7 @@ impl<'a> FrameRef<'a> {
     pub(super) fn validate(self, geometry: Geometry) -> Result<DenseFrame<'a>> {
         let (width, height) = (geometry.width(), geometry.height());
         let len = self.samples.len();
-        let error = |found: std::fmt::Arguments<'_>, expected: std::fmt::Arguments<'_>| {
-            Error::new(ErrorKind::Input, "frame of light").found(found).expected(expected)
-        };
+        let error = |found: std::fmt::Arguments<'_>, expected: std::fmt::Arguments<'_>| error!(Input, "frame of light"; found "{found}"; expected "{expected}");
         let Some(stride) = self.stride else {
             if len != geometry.pixels() {
                 return Err(error(
@@ -173,9 +171,8 @@ impl DenseFrame<'_> {
         let good = |v: &f32| v.is_finite() && *v >= 0.0;
         let Some(p) = s.iter().position(|v| !good(v)) else { return Ok(()) };
         let (row, col) = (p / geometry.width(), p % geometry.width());
-        Err(Error::new(ErrorKind::Input, format_args!("light at row {row}, col {col}"))
-            .found(s[p])
-            .expected("a finite number, zero or more"))
+        Err(error!(Input, "light at row {row}, col {col}"; found "{}", s[p];
+            expected "a finite number, zero or more"))
     }
 }
 

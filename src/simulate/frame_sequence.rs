@@ -1,7 +1,7 @@
 //! Frames on a timeline, converted to the segments that kernels run.
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::kernels::{Samples, Segment, SegmentLight};
 use crate::light::{FlowInterpolator, Frame, Interpolation, OwnedSamples as Owned, Timeline};
 use crate::simulate::FrameRef;
@@ -38,10 +38,9 @@ impl<'a> FrameSequence<'a> {
         let available = timeline.readouts(frames.len() as u64);
         if frames.is_empty() || available.is_some_and(|limit| limit < readouts as u64) {
             let limit = available.unwrap_or(0);
-            return Err(Error::new(ErrorKind::Usage, "readouts")
-                .found(readouts)
-                .expected(format_args!("at most {limit}, the duration of {}", Count(frames.len(), "frame")))
-                .remedy("pass more frames, or more readouts per frame"));
+            bail!(Usage, "readouts"; found "{readouts}";
+                expected "at most {limit}, the duration of {}", Count(frames.len(), "frame");
+                remedy "pass more frames, or more readouts per frame");
         }
         let checked = |(i, frame): (usize, &FrameRef<'a>)| {
             frame.validate(geometry).map_err(|e| e.with_context(format_args!("frame {i}")))

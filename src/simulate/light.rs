@@ -1,7 +1,7 @@
 //! The light of a run: the form that callers pass, and the form that kernels use.
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::kernels::{Samples, Segment, SegmentLight};
 use crate::light::Timeline;
 use crate::simulate::FrameRef;
@@ -167,7 +167,7 @@ impl<'a> ValidLight<'a> {
 }
 
 fn check_weights(weights: &[f32], readouts: usize) -> Result<()> {
-    let error = || Error::new(ErrorKind::Usage, "weights");
+    let error = || error!(Usage, "weights");
     if weights.len() != readouts {
         return Err(error()
             .found(Count(weights.len(), "weight"))

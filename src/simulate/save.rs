@@ -1,7 +1,7 @@
 //! Saved runs: the state of a simulator, and the identity of its camera and seeds. The Python and C libraries use the
 //! same format.
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail, error};
 use crate::plan::SimulatorState;
 use crate::presets::fingerprint;
 use crate::simulate::Simulator;
@@ -66,15 +66,13 @@ impl Simulator {
     ///
     /// # Errors
     /// If the call fails, this simulator is unchanged. Returns
-    /// * [`ErrorKind::Usage`] if the version, the camera, the seeds or the maximum light differ.
-    /// * [`ErrorKind::Corrupt`] if the bytes have changed since they were saved.
-    /// * [`ErrorKind::Input`] if no run can produce the state.
+    /// * [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the version, the camera, the seeds or the maximum light differ.
+    /// * [`ErrorKind::Corrupt`](crate::ErrorKind::Corrupt) if the bytes have changed since they were saved.
+    /// * [`ErrorKind::Input`](crate::ErrorKind::Input) if no run can produce the state.
     pub fn restore(&mut self, camera_fingerprint: u64, bytes: &[u8]) -> Result<()> {
         let bad = |found: &str| {
-            Error::new(ErrorKind::Usage, "saved state")
-                .found(found)
-                .expected("a state of this camera and these seeds")
-                .remedy("create the simulator with the arguments of the saved run")
+            error!(Usage, "saved state"; found "{found}"; expected "a state of this camera and these seeds";
+                remedy "create the simulator with the arguments of the saved run")
         };
         let header = header(self, camera_fingerprint);
         if !bytes.starts_with(MAGIC) || bytes.len() < HEADER_BYTES + FINGERPRINT_BYTES {
@@ -98,10 +96,9 @@ impl Simulator {
         }
         let (stored, rest) = rest.split_at(FINGERPRINT_BYTES);
         if stored != fingerprint(rest).to_le_bytes() {
-            return Err(Error::new(ErrorKind::Corrupt, "saved state")
-                .found("data that does not match its checksum")
-                .expected("unchanged data of a saved state")
-                .remedy("save the state again, or simulate from the start"));
+            bail!(Corrupt, "saved state"; found "data that does not match its checksum";
+                expected "unchanged data of a saved state";
+                remedy "save the state again, or simulate from the start");
         }
         let state = SimulatorState::from_bytes(rest, &self.plan().initial_state())?;
         self.set_state(state)

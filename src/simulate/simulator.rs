@@ -1,7 +1,7 @@
 use crate::count::Count;
 use crate::draws::Seeds;
 use crate::effects::Camera;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::kernels::{self, Backend, Batch, Job, Segment, SegmentLight};
 use crate::plan::{FOREIGN_STATE, Plan, SimulatorState, StateTile};
 use crate::simulate::exposure_meter::{ExposureFault, ExposureMeter};
@@ -113,13 +113,11 @@ impl Simulator {
     /// Sets the instruction set of the kernels. The simulated bits do not depend on the instruction set.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if this CPU cannot run the backend.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if this CPU cannot run the backend.
     pub fn set_backend(&mut self, backend: Backend) -> Result<()> {
         if !backend.is_available() {
-            return Err(Error::new(ErrorKind::Usage, "backend")
-                .found(backend)
-                .expected("a backend that this CPU supports")
-                .remedy("use `Backend::best()`"));
+            bail!(Usage, "backend"; found "{backend}"; expected "a backend that this CPU supports";
+                remedy "use `Backend::best()`");
         }
         self.backend = backend;
         Ok(())
@@ -141,7 +139,7 @@ impl Simulator {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if `seeds.camera` differs from the camera seed of the plan.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if `seeds.camera` differs from the camera seed of the plan.
     pub fn restart(&mut self, seeds: Seeds) -> Result<()> {
         self.plan.reseed(seeds)?;
         self.meter = ExposureMeter::default();
@@ -239,7 +237,7 @@ impl Simulator {
     /// ```
     ///
     /// # Errors
-    /// Returns the errors of [`Simulator::fill`]. Returns [`ErrorKind::Memory`] if the system cannot allocate memory for
+    /// Returns the errors of [`Simulator::fill`]. Returns [`ErrorKind::Memory`](crate::ErrorKind::Memory) if the system cannot allocate memory for
     /// the spikes.
     pub fn run<'a>(&mut self, light: impl Into<Light<'a>>, readouts: usize) -> Result<SpikeFrames> {
         let mut frames = SpikeFrames::zeros(self.plan.geometry(), readouts)?;
@@ -264,8 +262,8 @@ impl Simulator {
     /// ```
     ///
     /// # Errors
-    /// If the call fails, the state is unchanged. Returns [`ErrorKind::Input`] if the size of a frame differs from the
-    /// sensor, or if a sample is negative or not finite. Returns [`ErrorKind::Usage`] if
+    /// If the call fails, the state is unchanged. Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the size of a frame differs from the
+    /// sensor, or if a sample is negative or not finite. Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if
     /// * the length of `out` is not a multiple of a frame,
     /// * the number of weights differs from the number of readouts,
     /// * a weight is outside 0 to 1,
@@ -344,9 +342,8 @@ impl Simulator {
     ) -> Result<usize> {
         let room = self.frames_in(out)?;
         if room < readouts {
-            return Err(Error::new(ErrorKind::Usage, "output buffer")
-                .found(format_args!("space for {}", Count(room, "packed frame")))
-                .expected(format_args!("space for {readouts}")));
+            bail!(Usage, "output buffer"; found "space for {}", Count(room, "packed frame");
+                expected "space for {readouts}");
         }
         let mut light = ValidLight::new(light.into(), self.plan.geometry(), readouts)?;
         self.run_light(&mut light, readouts, out, &mut |_| Ok(()))
@@ -355,9 +352,8 @@ impl Simulator {
     fn frames_in(&self, out: &[u8]) -> Result<usize> {
         let bytes = self.plan.geometry().frame_bytes();
         if !out.len().is_multiple_of(bytes) {
-            return Err(Error::new(ErrorKind::Usage, "output buffer")
-                .found(Count(out.len(), "byte"))
-                .expected(format_args!("a multiple of {bytes}, one packed frame")));
+            bail!(Usage, "output buffer"; found "{}", Count(out.len(), "byte");
+                expected "a multiple of {bytes}, one packed frame");
         }
         Ok(out.len() / bytes)
     }

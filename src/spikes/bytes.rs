@@ -1,7 +1,7 @@
 //! Conversion between packed bits and bytes. The byte of a pixel is 0 or 1.
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::spikes::Geometry;
 
 /// Unpacks consecutive packed frames of `geometry` into `bits`.
@@ -18,7 +18,7 @@ use crate::spikes::Geometry;
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if the slices do not contain equal numbers of whole frames.
+/// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the slices do not contain equal numbers of whole frames.
 pub fn unpack(geometry: Geometry, packed: &[u8], bits: &mut [u8]) -> Result<()> {
     check(geometry, packed.len(), bits.len())?;
     let frames = packed.chunks_exact(geometry.frame_bytes());
@@ -40,8 +40,8 @@ pub fn unpack(geometry: Geometry, packed: &[u8], bits: &mut [u8]) -> Result<()> 
 /// ```
 ///
 /// # Errors
-/// Returns [`ErrorKind::Usage`] if the slices do not contain equal numbers of whole frames. Returns
-/// [`ErrorKind::Input`] if a frame contains other bytes than 0 and 1, or 0 and 255. The error contains the position of
+/// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the slices do not contain equal numbers of whole frames. Returns
+/// [`ErrorKind::Input`](crate::ErrorKind::Input) if a frame contains other bytes than 0 and 1, or 0 and 255. The error contains the position of
 /// the first invalid byte.
 pub fn pack(geometry: Geometry, bits: &[u8], packed: &mut [u8]) -> Result<()> {
     check(geometry, packed.len(), bits.len())?;
@@ -49,9 +49,8 @@ pub fn pack(geometry: Geometry, bits: &[u8], packed: &mut [u8]) -> Result<()> {
     for (readout, (packed, bits)) in frames.zip(bits.chunks_exact(geometry.pixels())).enumerate() {
         pack_frame(bits, packed).map_err(|p| {
             let (row, col) = (p / geometry.width(), p % geometry.width());
-            Error::new(ErrorKind::Input, format_args!("readout {readout}, row {row}, col {col}"))
-                .found(bits[p])
-                .expected("0 and 1, or 0 and 255")
+            error!(Input, "readout {readout}, row {row}, col {col}"; found "{}", bits[p];
+                expected "0 and 1, or 0 and 255")
         })?;
     }
     Ok(())
@@ -63,9 +62,8 @@ fn check(geometry: Geometry, packed: usize, bits: usize) -> Result<()> {
     if is_complete && packed / frame == bits / pixels {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::Usage, "frames")
-        .found(format_args!("{} for {bits} bits", Count(packed, "packed byte")))
-        .expected(format_args!("{frame} for every {pixels}, one {geometry} frame")))
+    Err(error!(Usage, "frames"; found "{} for {bits} bits", Count(packed, "packed byte");
+        expected "{frame} for every {pixels}, one {geometry} frame"))
 }
 
 /// Unpacks one frame, like [`unpack`].

@@ -1,4 +1,4 @@
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 use crate::spikes::Geometry;
 
 /// A rectangle of pixels. Rows are counted from the top, and columns from the left.
@@ -32,7 +32,7 @@ impl Crop {
     /// Returns the geometry of the rectangle.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if the rectangle is empty or not within `full`.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the rectangle is empty or not within `full`.
     pub fn geometry(&self, full: Geometry) -> Result<Geometry> {
         let inside =
             |start: usize, len, size| len > 0 && start.checked_add(len).is_some_and(|end| end <= size);
@@ -40,9 +40,9 @@ impl Crop {
         if inside(self.col, self.width, full.width()) && inside(self.row, self.height, full.height()) {
             return Geometry::new(side(self.width), side(self.height));
         }
-        Err(Error::new(ErrorKind::Usage, "crop")
-            .found(format_args!("{}x{} at row {}, col {}", self.width, self.height, self.row, self.col))
-            .expected(format_args!("a rectangle of pixels within {full}")))
+        Err(error!(Usage, "crop";
+            found "{}x{} at row {}, col {}", self.width, self.height, self.row, self.col;
+            expected "a rectangle of pixels within {full}"))
     }
 
     /// Returns the values of the pixels in the rectangle, row by row. `values` contains one value per pixel of a sensor

@@ -13,7 +13,7 @@ pub use bytes::{pack, unpack};
 pub use crop::Crop;
 pub use spike_frames::{Frames, Spike, SpikeFrame, SpikeFrames, SpikeFramesRef};
 
-use crate::error::{Error, ErrorKind, Result, Setting};
+use crate::error::{Result, Setting, bail};
 use bytes::set_bits;
 
 /// Largest number of pixels of a sensor.
@@ -50,14 +50,12 @@ impl Geometry {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if a side is zero or if the sensor has more than 2^28 pixels.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if a side is zero or if the sensor has more than 2^28 pixels.
     pub fn new(width: u32, height: u32) -> Result<Self> {
         let pixels = u64::from(width) * u64::from(height);
         if pixels == 0 || pixels > MAX_PIXELS as u64 {
-            return Err(Error::new(ErrorKind::Usage, "sensor size")
-                .found(format_args!("{width}x{height}"))
-                .expected(format_args!("1 to {MAX_PIXELS} pixels"))
-                .remedy(format_args!("set {} and {} in pixels", Setting("width"), Setting("height"))));
+            bail!(Usage, "sensor size"; found "{width}x{height}"; expected "1 to {MAX_PIXELS} pixels";
+                remedy "set {} and {} in pixels", Setting("width"), Setting("height"));
         }
         Ok(Self { width, height })
     }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail, error};
 use crate::spikes::{Geometry, bit, count_spikes, firing_pixels, pack, set_bit, unpack};
 
 /// One spike of a stream.
@@ -62,13 +62,12 @@ impl<'a> SpikeFrame<'a> {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the length differs from [`Geometry::frame_bytes`].
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the length differs from [`Geometry::frame_bytes`].
     pub fn new(geometry: Geometry, bytes: &'a [u8]) -> Result<Self> {
         if bytes.len() != geometry.frame_bytes() {
-            return Err(Error::new(ErrorKind::Input, "packed frame")
-                .found(Count(bytes.len(), "byte"))
-                .expected(format_args!("{} for {geometry} pixels", Count(geometry.frame_bytes(), "byte")))
-                .remedy("check width and height"));
+            bail!(Input, "packed frame"; found "{}", Count(bytes.len(), "byte");
+                expected "{} for {geometry} pixels", Count(geometry.frame_bytes(), "byte");
+                remedy "check width and height");
         }
         Ok(Self { geometry, bytes })
     }
@@ -151,7 +150,7 @@ impl<'a> SpikeFramesRef<'a> {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the length is not a multiple of [`Geometry::frame_bytes`].
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the length is not a multiple of [`Geometry::frame_bytes`].
     pub fn new(geometry: Geometry, bytes: &'a [u8]) -> Result<Self> {
         check_length(geometry, bytes)?;
         Ok(Self { geometry, bytes })
@@ -361,7 +360,7 @@ impl SpikeFrames {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the length is not a multiple of [`Geometry::frame_bytes`].
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the length is not a multiple of [`Geometry::frame_bytes`].
     pub fn new(geometry: Geometry, bytes: Vec<u8>) -> Result<Self> {
         check_length(geometry, &bytes)?;
         Ok(Self { geometry, bytes })
@@ -380,7 +379,7 @@ impl SpikeFrames {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Memory`] if the system cannot allocate the memory.
+    /// Returns [`ErrorKind::Memory`](crate::ErrorKind::Memory) if the system cannot allocate the memory.
     pub fn zeros(geometry: Geometry, readouts: usize) -> Result<Self> {
         let bytes = readouts.saturating_mul(geometry.frame_bytes());
         let bytes = crate::inputs::zeroed_vec(
@@ -406,17 +405,13 @@ impl SpikeFrames {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if the length is not a multiple of the number of pixels, or if a frame contains
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the length is not a multiple of the number of pixels, or if a frame contains
     /// other bytes than 0 and 1, or 0 and 255. The error contains the readout, row and column of the first invalid byte.
     pub fn from_dense(geometry: Geometry, dense: &[u8]) -> Result<Self> {
         if !dense.len().is_multiple_of(geometry.pixels()) {
-            return Err(Error::new(ErrorKind::Input, "dense frames")
-                .found(Count(dense.len(), "byte"))
-                .expected(format_args!(
-                    "a multiple of {}, one byte per pixel of {geometry}",
-                    geometry.pixels()
-                ))
-                .remedy("check width and height"));
+            bail!(Input, "dense frames"; found "{}", Count(dense.len(), "byte");
+                expected "a multiple of {}, one byte per pixel of {geometry}", geometry.pixels();
+                remedy "check width and height");
         }
         let mut frames = Self::zeros(geometry, dense.len() / geometry.pixels())?;
         pack(geometry, dense, &mut frames.bytes)?;
@@ -440,7 +435,7 @@ impl SpikeFrames {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Input`] if a spike is outside the stream. Returns [`ErrorKind::Memory`] if the system cannot
+    /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if a spike is outside the stream. Returns [`ErrorKind::Memory`](crate::ErrorKind::Memory) if the system cannot
     /// allocate the memory.
     pub fn from_spikes(
         geometry: Geometry,
@@ -450,12 +445,8 @@ impl SpikeFrames {
         let mut frames = Self::zeros(geometry, readouts)?;
         for Spike { readout, row, col } in spikes {
             if readout >= readouts || row >= geometry.height() || col >= geometry.width() {
-                return Err(Error::new(ErrorKind::Input, "spike")
-                    .found(format_args!("readout {readout}, row {row}, column {col}"))
-                    .expected(format_args!(
-                        "a pixel of {} of {geometry} pixels",
-                        Count(readouts, "readout"),
-                    )));
+                bail!(Input, "spike"; found "readout {readout}, row {row}, column {col}";
+                    expected "a pixel of {} of {geometry} pixels", Count(readouts, "readout"));
             }
             let frame = &mut frames.bytes[readout * geometry.frame_bytes()..][..geometry.frame_bytes()];
             set_bit(frame, row * geometry.width() + col);
@@ -559,12 +550,11 @@ impl SpikeFrames {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if the geometry of `other` differs.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the geometry of `other` differs.
     pub fn append(&mut self, other: SpikeFramesRef<'_>) -> Result<()> {
         if other.geometry != self.geometry {
-            return Err(Error::new(ErrorKind::Usage, "appended frames")
-                .found(other.geometry)
-                .expected(format_args!("{}, the size of the stream", self.geometry)));
+            bail!(Usage, "appended frames"; found "{}", other.geometry;
+                expected "{}, the size of the stream", self.geometry);
         }
         self.bytes.extend_from_slice(other.bytes);
         Ok(())
@@ -615,11 +605,7 @@ fn check_length(geometry: Geometry, bytes: &[u8]) -> Result<()> {
     if bytes.len().is_multiple_of(geometry.frame_bytes()) {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::Input, "packed stream")
-        .found(Count(bytes.len(), "byte"))
-        .expected(format_args!(
-            "a multiple of {}, one {geometry} frame",
-            Count(geometry.frame_bytes(), "byte"),
-        ))
-        .remedy("check width and height"))
+    Err(error!(Input, "packed stream"; found "{}", Count(bytes.len(), "byte");
+        expected "a multiple of {}, one {geometry} frame", Count(geometry.frame_bytes(), "byte");
+        remedy "check width and height"))
 }

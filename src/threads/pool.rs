@@ -10,7 +10,7 @@ use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder};
 
 use super::spawn::STACK_BYTES;
 use super::stop::{with_request, with_stop_check};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 
 /// Largest number of threads of a pool.
 const MAX_THREADS: usize = 4096;
@@ -68,13 +68,11 @@ impl Pool {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if `threads` exceeds 4096.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if `threads` exceeds 4096.
     pub fn new(threads: usize) -> Result<Self> {
         if threads > MAX_THREADS {
-            return Err(Error::new(ErrorKind::Usage, "threads")
-                .found(threads)
-                .expected(format_args!("at most {MAX_THREADS}"))
-                .remedy("use the number of cores"));
+            bail!(Usage, "threads"; found "{threads}"; expected "at most {MAX_THREADS}";
+                remedy "use the number of cores");
         }
         Ok(Self::with_threads(threads.max(1)))
     }
@@ -212,6 +210,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use super::*;
+    use crate::ErrorKind;
 
     /// Returns a function that starts threads. It fails while `limit` threads run, like a system with this limit.
     fn limited_spawner(limit: usize) -> impl Fn(ThreadBuilder) -> io::Result<JoinHandle<()>> {

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{Builder, Scope, ScopedJoinHandle};
 
 use super::stop::{self, RequestScope};
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, error};
 
 /// Stack size of a thread in bytes.
 ///
@@ -85,9 +85,8 @@ pub fn map_indexed<T: Send>(threads: usize, count: usize, work: impl Fn(usize) -
 
 /// Returns the error for work that requires a separate thread. `work` is a verb phrase that completes "a thread to".
 pub fn no_thread_error(work: &str) -> Error {
-    Error::new(ErrorKind::Io, format_args!("a thread to {work}"))
-        .found("the system's limit on threads")
-        .remedy("raise the limit (ulimit -u; docker run --pids-limit)")
+    error!(Io, "a thread to {work}"; found "the system's limit on threads";
+        remedy "raise the limit (ulimit -u; docker run --pids-limit)")
 }
 
 /// Sends the input to a thread that has started.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::ThreadId;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, error};
 
 thread_local! {
     /// The request that applies to the work of this thread.
@@ -49,7 +49,7 @@ impl StopRequest {
 /// with `panic = "abort"` should therefore stop between calls instead.
 ///
 /// # Errors
-/// Returns [`ErrorKind::Interrupted`] after a stop. Otherwise returns the error of `work`.
+/// Returns [`ErrorKind::Interrupted`](crate::ErrorKind::Interrupted) after a stop. Otherwise returns the error of `work`.
 pub fn run_until<T>(
     should_stop: impl Fn() -> bool + Send + Sync + 'static,
     work: impl FnOnce() -> Result<T>,
@@ -60,9 +60,7 @@ pub fn run_until<T>(
     let _entered = RequestScope::new(Some(Arc::new(request)));
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(result) => result,
-        Err(reason) if reason.is::<StopPayload>() => {
-            Err(Error::new(ErrorKind::Interrupted, "stopped on request"))
-        }
+        Err(reason) if reason.is::<StopPayload>() => Err(error!(Interrupted, "stopped on request")),
         Err(reason) => resume_unwind(reason),
     }
 }
@@ -123,6 +121,7 @@ impl Drop for RequestScope {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     /// Returns a counter of calls, and a closure that returns true from call number `at` onward. The first call has
     /// number 1.

@@ -40,20 +40,6 @@ const KNOWN_CIRCLES: &[(&str, &[&str])] = &[
         ],
     ),
     ("crates/io/src", &["light/images/encoding.rs", "light/images/linearization.rs"]),
-    ("crates/scene/src", &["optics/exposure.rs", "options.rs", "rendering/frame.rs", "world.rs"]),
-    (
-        "src",
-        &[
-            "effects/camera.rs",
-            "kernels/batch.rs",
-            "kernels/mod.rs",
-            "kernels/modulation.rs",
-            "light/frame.rs",
-            "plan/mod.rs",
-            "sensor/mosaic.rs",
-        ],
-    ),
-    ("src", &["reconstruct/color/menon.rs", "reconstruct/color/planes.rs"]),
     ("studies/src", &["diagnose/jobs.rs", "diagnose/main.rs"]),
     (
         "studies/src",

@@ -5,7 +5,7 @@ use std::io::{self, Read, Seek};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, error};
 
 /// The first bytes of a nonempty zip archive.
 pub const MAGIC: &[u8] = b"PK\x03\x04";
@@ -20,7 +20,7 @@ impl<R: Read + Seek> Archive<R> {
     /// Reads the directory of an archive. Error messages refer to the archive as `name`.
     ///
     /// # Errors
-    /// [`ErrorKind::Input`] if the bytes are not a zip archive or are truncated.
+    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the bytes are not a zip archive or are truncated.
     pub fn new(name: &str, reader: R) -> Result<Self> {
         let zip = ZipArchive::new(reader).map_err(|e| {
             archive_error(name, e)
@@ -41,10 +41,10 @@ impl<R: Read + Seek> Archive<R> {
 
     /// Returns a reader of the `.npy` bytes of the array `array`. The reader starts at the header of the array.
     ///
-    /// If the compressed bytes are damaged, the reader returns an error that wraps [`ErrorKind::Input`].
+    /// If the compressed bytes are damaged, the reader returns an error that wraps [`ErrorKind::Input`](spikelane::ErrorKind::Input).
     ///
     /// # Errors
-    /// [`ErrorKind::Input`] if the array does not exist or is neither stored nor deflated.
+    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the array does not exist or is neither stored nor deflated.
     pub fn entry(&mut self, array: &str) -> Result<impl Read + '_> {
         let subject = format!("{}: {array}", self.name);
         match self.zip.by_name(&format!("{array}.npy")) {
@@ -79,9 +79,7 @@ fn is_of_file(e: &io::Error) -> bool {
 fn archive_error(subject: &str, e: ZipError) -> Error {
     match e {
         ZipError::Io(e) if is_of_file(&e) => Error::io(subject, e),
-        e => Error::new(ErrorKind::Input, subject)
-            .found(e)
-            .expected("an archive without damage")
-            .remedy("copy the file again, or save the archive again"),
+        e => error!(Input, "{subject}"; found "{e}"; expected "an archive without damage";
+            remedy "copy the file again, or save the archive again"),
     }
 }

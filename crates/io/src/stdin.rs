@@ -4,10 +4,10 @@ use std::io::{self, Read};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use spikelane::error::{Error, ErrorKind};
+use spikelane::error::error;
 
 /// Standard input. If `stop` becomes true while a read waits for bytes, the read fails with
-/// [`ErrorKind::Interrupted`].
+/// [`ErrorKind::Interrupted`](spikelane::ErrorKind::Interrupted).
 ///
 /// `stop` is checked on Unix only.
 #[derive(Debug)]
@@ -39,7 +39,7 @@ impl Read for Stdin {
             if self.stop.load(Ordering::Relaxed) {
                 // `std::io::Error::other` is used because the standard library retries reads that fail with
                 // `io::ErrorKind::Interrupted`.
-                let stopped = Error::new(ErrorKind::Interrupted, "standard input").found("a request to stop");
+                let stopped = error!(Interrupted, "standard input"; found "a request to stop");
                 return Err(io::Error::other(stopped));
             }
         }

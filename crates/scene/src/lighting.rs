@@ -5,6 +5,8 @@
 
 use glam::Vec3;
 
+use spikelane::unstable::variant_names;
+
 use super::random::Draws;
 
 /// Range of a street lamp in meters. Points farther from the lamp receive no light.
@@ -39,25 +41,13 @@ pub enum Lighting {
     Rain,
 }
 
+// In descending order of their light.
+variant_names!(Lighting {
+    Noon = "noon", LowSun = "low-sun", Overcast = "overcast", Rain = "rain", Tunnel = "tunnel", Dusk = "dusk",
+    Night = "night",
+});
+
 impl Lighting {
-    /// All presets, in descending order of their light.
-    pub const ALL: [Self; 7] =
-        [Self::Noon, Self::LowSun, Self::Overcast, Self::Rain, Self::Tunnel, Self::Dusk, Self::Night];
-
-    /// Returns the name in lower case with hyphens.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Noon => "noon",
-            Self::LowSun => "low-sun",
-            Self::Overcast => "overcast",
-            Self::Dusk => "dusk",
-            Self::Night => "night",
-            Self::Tunnel => "tunnel",
-            Self::Rain => "rain",
-        }
-    }
-
     /// Returns the preset that `seed` selects.
     #[must_use]
     pub fn from_seed(seed: u64) -> Self {

@@ -4,7 +4,7 @@ use super::drive::camera::Intrinsics;
 use super::lighting::Lighting;
 use super::optics::exposure::Exposure;
 use super::optics::lens::Lens;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail, error};
 use spikelane::spikes::Geometry;
 
 /// Maximum length of a drive in meters. A longer drive is rejected before the city is built.
@@ -65,7 +65,7 @@ impl SceneOptions {
     /// Checks the options. No scene is built.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if an option is outside its range. If `speed_kmh` is `None`, the check uses the lowest
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if an option is outside its range. If `speed_kmh` is `None`, the check uses the lowest
     /// speed that a seed can select. At a higher speed, [`Scene::from_seed`](super::Scene::from_seed) may still reject
     /// the drive as too long.
     pub fn check(&self) -> Result<()> {
@@ -98,10 +98,8 @@ pub(super) fn check_options(options: &SceneOptions, speed_kmh: f64, fov_deg: f64
         if (low..=high).contains(&value) {
             return Ok(());
         }
-        Err(Error::new(ErrorKind::Usage, name)
-            .found(format_args!("{value} {unit}"))
-            .expected(format_args!("{low} to {high} {unit}"))
-            .remedy(remedy))
+        Err(error!(Usage, "{name}"; found "{value} {unit}"; expected "{low} to {high} {unit}";
+            remedy "{remedy}"))
     };
     within(
         "field of view",
@@ -142,10 +140,8 @@ pub(super) fn check_options(options: &SceneOptions, speed_kmh: f64, fov_deg: f64
     )?;
     let distance = speed_kmh / 3.6 * options.duration_s;
     if distance > MAX_DRIVE_M {
-        return Err(Error::new(ErrorKind::Usage, "drive")
-            .found(format_args!("{distance:.0} m"))
-            .expected(format_args!("at most {MAX_DRIVE_M} m"))
-            .remedy("shorten or slow down the drive, or split it into several scenes"));
+        bail!(Usage, "drive"; found "{distance:.0} m"; expected "at most {MAX_DRIVE_M} m";
+            remedy "shorten or slow down the drive, or split it into several scenes");
     }
     options.exposure.check()?;
     let half = 0.5 * f64::from(options.width);

@@ -19,7 +19,7 @@ use super::shapes::grid::Grid;
 use super::shapes::lamp_shadows::{LampShadows, POST_RADIUS_M};
 use super::shapes::mesh::TRIANGLE_BITS;
 use super::shapes::sun_shadows::SunShadows;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, error};
 use spikelane::unstable::Count;
 
 /// Length of the road behind the start of the drive, in meters. `ROAD_AHEAD_M` is the length of the road beyond the
@@ -67,8 +67,8 @@ impl Scene {
     /// Builds the scene that `seed` determines.
     ///
     /// # Errors
-    /// * [`ErrorKind::Usage`] if an option is outside its range, or if the drive is longer than 5 km.
-    /// * [`ErrorKind::Memory`] if the system cannot allocate the memory of the scene.
+    /// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if an option is outside its range, or if the drive is longer than 5 km.
+    /// * [`ErrorKind::Memory`](spikelane::ErrorKind::Memory) if the system cannot allocate the memory of the scene.
     pub fn from_seed(seed: u64, options: &SceneOptions) -> Result<Self> {
         let draws = Draws::new(seed, "scene");
         let lighting = options.lighting.unwrap_or_else(|| Lighting::from_seed(seed));
@@ -174,7 +174,7 @@ impl Scene {
     /// Returns the pose and the intrinsics of the camera at time `t` in seconds.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if `t` is outside the drive.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `t` is outside the drive.
     pub fn camera(&self, t: f64) -> Result<PinholeCamera> {
         self.check_time(t)?;
         Ok(self.camera_unchecked(t))
@@ -184,10 +184,8 @@ impl Scene {
         if (0.0..=self.duration_s).contains(&t) {
             return Ok(());
         }
-        Err(Error::new(ErrorKind::Usage, "scene time")
-            .found(format_args!("{t} s"))
-            .expected(format_args!("0 to {} s", self.duration_s))
-            .remedy("create the scene with a longer duration"))
+        Err(error!(Usage, "scene time"; found "{t} s"; expected "0 to {} s", self.duration_s;
+            remedy "create the scene with a longer duration"))
     }
 
     /// Returns for each of four points whether the city occludes lamp number `lamp`.
@@ -232,8 +230,7 @@ fn check_counts(city: &City, traffic: &Traffic) -> Result<()> {
     if triangles < max_triangles && parts < most_parts {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::Usage, "scene")
-        .found(format_args!("{}, {}", Count(triangles, "triangle"), Count(parts, "moving part")))
-        .expected(format_args!("fewer than {max_triangles} and {most_parts}"))
-        .remedy("shorten or slow down the drive, or split it into several scenes"))
+    Err(error!(Usage, "scene"; found "{}, {}", Count(triangles, "triangle"), Count(parts, "moving part");
+        expected "fewer than {max_triangles} and {most_parts}";
+        remedy "shorten or slow down the drive, or split it into several scenes"))
 }

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use crate::http::Request;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, error};
 
 /// Number of random bytes of a token.
 const TOKEN_BYTES: usize = 16;
@@ -24,7 +24,7 @@ impl AccessRule {
     /// Draws random tokens.
     ///
     /// # Errors
-    /// [`ErrorKind::Io`] if the system has no random numbers.
+    /// [`ErrorKind::Io`](spikelane::ErrorKind::Io) if the system has no random numbers.
     pub(crate) fn new(port: u16) -> Result<Self> {
         Ok(Self { token: random_token()?, one_time_token: Mutex::new(Some(random_token()?)), port })
     }
@@ -93,8 +93,7 @@ fn is_local_host(host: &str) -> bool {
 
 fn random_token() -> Result<String> {
     let mut bytes = [0; TOKEN_BYTES];
-    getrandom::fill(&mut bytes)
-        .map_err(|e| Error::new(ErrorKind::Io, "random token of the viewer").found(e))?;
+    getrandom::fill(&mut bytes).map_err(|e| error!(Io, "random token of the viewer"; found "{e}"))?;
     Ok(bytes.iter().map(|b| format!("{b:02x}")).collect())
 }
 

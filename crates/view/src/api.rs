@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use spikelane::error::{Error, ErrorKind, Result, render_settings};
+use spikelane::error::{ErrorKind, Result, bail, error, render_settings};
 
 use crate::encoding::encoded_image;
 use crate::http::{REPORT_POLICY, Response};
@@ -74,7 +74,7 @@ impl Api {
             "job" => self.job(query)?,
             "rates" => match self.jobs.state(query.stream()?, Task::Summary, self.stream(query)?)? {
                 JobState::Done(done) => Response::floats(done.result().map_or(&[], |r| &r.rates)),
-                _ => return Err(Error::new(ErrorKind::Usage, "rate map").found("an unfinished computation")),
+                _ => return Err(error!(Usage, "rate map"; found "an unfinished computation")),
             },
             "labels" => Response::json(&labels::labeled_frames(&self.sources.sequence(query.stream()?)?)?),
             "label_map" => {
@@ -117,7 +117,7 @@ impl Api {
 
     fn live(&self, query: &Query) -> Result<Response> {
         let Some(live) = self.sources.live(query.get("s")?)? else {
-            return Err(Error::new(ErrorKind::Usage, "live image").found("a stored stream"));
+            bail!(Usage, "live image"; found "a stored stream");
         };
         let (method, window): (Method, usize) = (query.get("method")?, query.get("window")?);
         // The search of a TFI image needs readouts on both sides of its center.
@@ -133,7 +133,7 @@ impl Api {
         let task = match query.text("task") {
             Some("summary") => Task::Summary,
             Some("region") => Task::Region(query.crop(stream.reader.geometry())?),
-            _ => return Err(Error::new(ErrorKind::Usage, "task").expected("summary or region")),
+            _ => return Err(error!(Usage, "task"; expected "summary or region")),
         };
         Ok(Response::json(&match self.jobs.state(query.stream()?, task, stream)? {
             JobState::Running { share } => json!({"state": "running", "share": share}),

@@ -9,7 +9,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail};
 use spikelane::spikes::span_rate;
 use spikelane::unstable::inputs;
 use spikelane::unstable::kernels::{SearchOrder, SpikeTimes, Tally, first_spikes};
@@ -31,7 +31,7 @@ const READ_BYTES: usize = 4 << 20;
 /// Returns the image at readout `at`.
 ///
 /// # Errors
-/// [`ErrorKind::Usage`] if `at` is not a readout of the stream, and errors of the reader.
+/// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `at` is not a readout of the stream, and errors of the reader.
 pub(crate) fn encoded_image(
     method: Method,
     reader: &StreamReader,
@@ -39,8 +39,7 @@ pub(crate) fn encoded_image(
     window: usize,
 ) -> Result<Vec<u8>> {
     if at >= reader.readouts() {
-        return Err(Error::new(ErrorKind::Usage, format_args!("readout {at}"))
-            .expected(format_args!("less than {}", reader.readouts())));
+        bail!(Usage, "readout {at}"; expected "less than {}", reader.readouts());
     }
     let half = method.half_window(window);
     let (from, to) = (at.saturating_sub(half), (at + half + 1).min(reader.readouts()));
@@ -198,6 +197,7 @@ fn encode_rates(rates: &[f32]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spikelane::ErrorKind;
 
     fn decode(bytes: &[u8]) -> Vec<f32> {
         let word = |i: usize| u32::from_le_bytes(bytes[i..i + 4].try_into().unwrap());

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use serde_json::json;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail};
 use spikelane::spikes::Crop;
 use spikelane_io::formats::{Layout, StreamReader, convert_to};
 
@@ -33,7 +33,7 @@ const EXPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; sty
 /// ```
 ///
 /// # Errors
-/// [`ErrorKind::Usage`] if `sources` is not one stream, if the range or crop is outside the stream, or if the page would
+/// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `sources` is not one stream, if the range or crop is outside the stream, or if the page would
 /// exceed [`MAX_PAGE_BYTES`].
 pub fn export_page(sources: &Sources, readouts: Range<usize>, crop: Option<Crop>) -> Result<String> {
     let (name, stream) = sources.only_stream()?;
@@ -44,14 +44,9 @@ pub fn export_page(sources: &Sources, readouts: Range<usize>, crop: Option<Crop>
     let needed = (packed / 3).saturating_mul(4).saturating_add(page_bytes + (1 << 20));
     if needed > MAX_PAGE_BYTES {
         let readouts_limit = (MAX_PAGE_BYTES - page_bytes - (1 << 20)) / 4 * 3 / geometry.frame_bytes();
-        return Err(Error::new(ErrorKind::Usage, format_args!("page of {} readouts", readouts.len()))
-            .found(format_args!("{} MB", needed / 1_000_000))
-            .expected(format_args!("at most {} MB", MAX_PAGE_BYTES / 1_000_000))
-            .remedy(format_args!(
-                "choose at most {readouts_limit} readouts with {}, or choose fewer pixels with {}",
-                spikelane::error::Setting("readouts"),
-                spikelane::error::Setting("crop"),
-            )));
+        bail!(Usage, "page of {} readouts", readouts.len(); found "{} MB", needed / 1_000_000;
+            expected "at most {} MB", MAX_PAGE_BYTES / 1_000_000;
+            remedy "choose at most {readouts_limit} readouts with {}, or choose fewer pixels with {}", spikelane::error::Setting("readouts"), spikelane::error::Setting("crop"));
     }
     let mut bytes = Vec::with_capacity(packed);
     convert_to(&stream.reader, readouts.clone(), crop, Layout::DatTop, |part| {

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use serde_json::{Value, json};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail, error};
 use spikelane::spikes::Crop;
 use spikelane::unstable::threads;
 use spikelane_measure::{MeasureOptions, detect_mosaic, measure_stream, summarize, summarize_mosaic};
@@ -75,10 +75,8 @@ impl Jobs {
                 all.retain(|_, job| job.result.get().is_none());
             }
             if all.len() >= MAX_JOBS {
-                return Err(Error::new(ErrorKind::Usage, "computations")
-                    .found(format_args!("{MAX_JOBS} that are not finished"))
-                    .expected("fewer")
-                    .remedy("wait until some are finished"));
+                bail!(Usage, "computations"; found "{MAX_JOBS} that are not finished"; expected "fewer";
+                    remedy "wait until some are finished");
             }
             let job = Arc::new(Job::default());
             let input = (Arc::clone(&job), Arc::clone(&self.turn), Arc::clone(&self.stop), stream);
@@ -88,7 +86,7 @@ impl Jobs {
                 let result = threads::run_until(should_stop, || compute(task, &stream, &job.done_readouts));
                 let _ = job.result.set(result.map_err(|e| e.to_string()));
             })
-            .map_err(|_| Error::new(ErrorKind::Io, "thread of a computation").found("no free thread"))?;
+            .map_err(|_| error!(Io, "thread of a computation"; found "no free thread"))?;
             all.insert((key, task), job);
         }
         let job = Arc::clone(&all[&(key, task)]);

@@ -1,7 +1,7 @@
 //! Labels of the sequences of a data set.
 
 use serde_json::Value;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, ErrorKind, Result, bail, error};
 use spikelane::unstable::inputs::not_found_as_none;
 use spikelane::unstable::npy;
 use spikelane_dataset::{InnerPath, SequenceFiles};
@@ -29,7 +29,7 @@ pub(crate) fn labeled_frames(files: &SequenceFiles) -> Result<Value> {
         return Ok(Value::Null);
     };
     let text = file.read_all("labels", MAX_LABEL_BYTES)?;
-    serde_json::from_slice(&text).map_err(|e| Error::new(ErrorKind::Corrupt, file.path().display()).found(e))
+    serde_json::from_slice(&text).map_err(|e| error!(Corrupt, "{}", file.path().display(); found "{e}"))
 }
 
 /// Returns a map of the labels at `readout`. `kind` is `depth`, `instance`, `semantic` or `flow`.
@@ -40,9 +40,7 @@ pub(crate) fn label_map(files: &SequenceFiles, readout: u64, kind: &str) -> Resu
         "semantic" => "semantic.npy",
         "flow" => "forward.flo",
         _ => {
-            return Err(Error::new(ErrorKind::Usage, "kind of labels")
-                .found(format_args!("{kind:?}"))
-                .expected("depth, instance, semantic or flow"));
+            bail!(Usage, "kind of labels"; found "{kind:?}"; expected "depth, instance, semantic or flow");
         }
     };
     let path = InnerPath::parse(ErrorKind::Usage, "label", &format!("labels/{readout:06}.{ending}"))?;
@@ -85,7 +83,7 @@ fn parse_flow(name: &str, bytes: &[u8]) -> Result<LabelMap> {
 }
 
 fn corrupt(name: &str, found: impl std::fmt::Display, expected: &str) -> Error {
-    Error::new(ErrorKind::Corrupt, name).found(found).expected(expected)
+    error!(Corrupt, "{name}"; found "{found}"; expected "{expected}")
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail, error};
 use spikelane::spikes::{Geometry, SpikeFrames};
 use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
@@ -81,7 +81,7 @@ impl LiveStream {
     /// Opens the ring at `path`.
     ///
     /// # Errors
-    /// As [`RingReader::open`]. [`ErrorKind::Memory`] if the history does not fit.
+    /// As [`RingReader::open`]. [`ErrorKind::Memory`](spikelane::ErrorKind::Memory) if the history does not fit.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let ring = RingReader::open(path)?;
         let (geometry, readout_hz) = (ring.geometry(), ring.readout_hz());
@@ -98,7 +98,7 @@ impl LiveStream {
                 lock(&history).state.error = Some(error.to_string());
             }
         })
-        .map_err(|_| Error::new(ErrorKind::Io, "thread that reads a live stream").found("no free thread"))?;
+        .map_err(|_| error!(Io, "thread that reads a live stream"; found "no free thread"))?;
         Ok(Self { geometry, readout_hz, history, stop })
     }
 
@@ -109,15 +109,13 @@ impl LiveStream {
     /// Returns the latest `count` readouts, or all if fewer are stored.
     ///
     /// # Errors
-    /// [`ErrorKind::Input`] if no readout has arrived yet.
+    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if no readout has arrived yet.
     pub(crate) fn latest(&self, count: usize) -> Result<(SpikeFrames, LiveState)> {
         let history = lock(&self.history);
         let (bytes, state) = (history.latest(count), history.state.clone());
         drop(history);
         if bytes.is_empty() {
-            return Err(Error::new(ErrorKind::Input, "live stream")
-                .found("no readout yet")
-                .expected("a camera that delivers readouts"));
+            bail!(Input, "live stream"; found "no readout yet"; expected "a camera that delivers readouts");
         }
         Ok((SpikeFrames::new(self.geometry, bytes)?, state))
     }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::str::FromStr;
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail, error};
 use spikelane::spikes::{Crop, Geometry};
 
 /// The parameters after `?`, such as `at=12&method=tfp`. Values are numbers and short words, so no value is escaped.
@@ -48,13 +48,12 @@ impl<'a> Query<'a> {
     /// Returns the value of a parameter.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the parameter is missing or invalid.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the parameter is missing or invalid.
     pub(crate) fn get<T: FromStr>(&self, name: &str) -> Result<T> {
         let text = self.text(name);
         text.and_then(|t| t.parse().ok()).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, format_args!("parameter {name}"))
-                .found(text.map_or("nothing".to_owned(), |t| format!("{t:?}")))
-                .expected("a valid value")
+            error!(Usage, "parameter {name}";
+                found "{}", text.map_or("nothing".to_owned(), |t| format!("{t:?}")); expected "a valid value")
         })
     }
 
@@ -74,9 +73,8 @@ impl<'a> Query<'a> {
     pub(crate) fn readouts(&self, readouts: usize) -> Result<Range<usize>> {
         let range: Range<usize> = self.get("from")?..self.get("to")?;
         if range.is_empty() || range.end > readouts {
-            return Err(Error::new(ErrorKind::Usage, "readouts")
-                .found(format_args!("{}..{}", range.start, range.end))
-                .expected(format_args!("a range within 0..{readouts}")));
+            bail!(Usage, "readouts"; found "{}..{}", range.start, range.end;
+                expected "a range within 0..{readouts}");
         }
         Ok(range)
     }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use serde_json::{Value, json};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail};
 use spikelane::spikes::{Crop, SpikeFrames, count_spikes};
 use spikelane::unstable::Count;
 use spikelane::unstable::threads::check_stop;
@@ -35,9 +35,8 @@ const BATCH_READOUTS: usize = 496;
 pub(crate) fn check_request(reader: &StreamReader, readouts: &Range<usize>) -> Result<()> {
     let limit = (MAX_REQUEST_BYTES / reader.geometry().frame_bytes()).max(1);
     if readouts.len() > limit {
-        return Err(Error::new(ErrorKind::Usage, "readouts")
-            .found(Count(readouts.len(), "readout"))
-            .expected(format_args!("at most {limit} for this size of image")));
+        bail!(Usage, "readouts"; found "{}", Count(readouts.len(), "readout");
+            expected "at most {limit} for this size of image");
     }
     Ok(())
 }
@@ -94,10 +93,8 @@ pub(crate) fn rate_over_time(
     progress: &dyn Fn(usize),
 ) -> Result<Value> {
     if readouts.len() > MAX_SERIES_READOUTS {
-        return Err(Error::new(ErrorKind::Usage, "readouts of a region")
-            .found(Count(readouts.len(), "readout"))
-            .expected(format_args!("at most {MAX_SERIES_READOUTS}"))
-            .remedy("choose a shorter range"));
+        bail!(Usage, "readouts of a region"; found "{}", Count(readouts.len(), "readout");
+            expected "at most {MAX_SERIES_READOUTS}"; remedy "choose a shorter range");
     }
     let pixels = crop.geometry(reader.geometry())?.pixels();
     let mut totals = Vec::with_capacity(readouts.len());

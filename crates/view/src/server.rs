@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, error};
 use spikelane::unstable::threads;
 
 use crate::access::{self, AccessRule};
@@ -78,7 +78,7 @@ impl Server {
     /// Binds to 127.0.0.1. Without `port`, the system selects a free port.
     ///
     /// # Errors
-    /// [`ErrorKind::Io`] if the port is in use, or if the system has no random numbers.
+    /// [`ErrorKind::Io`](spikelane::ErrorKind::Io) if the port is in use, or if the system has no random numbers.
     pub fn bind(sources: Sources, port: Option<u16>) -> Result<Self> {
         Self::bind_with_limits(sources, port, ConnectionLimits::default())
     }
@@ -120,12 +120,12 @@ impl Server {
     /// Answers requests until the last page is closed, or until `should_stop` returns true.
     ///
     /// # Errors
-    /// [`ErrorKind::Io`] if the system cannot start a thread.
+    /// [`ErrorKind::Io`](spikelane::ErrorKind::Io) if the system cannot start a thread.
     pub fn run(self, should_stop: &mut dyn FnMut() -> bool) -> Result<EndReason> {
         let address = self.listener.local_addr().map_err(|e| Error::io("address of the viewer", e))?;
         let input = (self.listener, Arc::clone(&self.shared));
         threads::spawn("viewer", input, |(listener, shared)| accept(&listener, &shared))
-            .map_err(|_| Error::new(ErrorKind::Io, "thread of the viewer").found("no free thread"))?;
+            .map_err(|_| error!(Io, "thread of the viewer"; found "no free thread"))?;
         let reason = loop {
             if should_stop() {
                 break EndReason::Stopped;

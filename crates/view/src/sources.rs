@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::{Value, json};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, ErrorKind, Result, bail, error};
 use spikelane::sensor::Mosaic;
 use spikelane::unstable::inputs::{InputFile, not_found_as_none};
 use spikelane::unstable::npy;
@@ -230,15 +230,15 @@ impl Sources {
     pub(crate) fn only_stream(&self) -> Result<(&str, Arc<OpenStream>)> {
         match self.list.as_slice() {
             [Source { name, content: Content::Stream(stream) }] => Ok((name, Arc::clone(stream))),
-            _ => Err(Error::new(ErrorKind::Usage, "export")
-                .found(format_args!("{} paths, or a path that is not a stream file", self.list.len()))
-                .expected("one stream file")),
+            _ => Err(error!(Usage, "export";
+                found "{} paths, or a path that is not a stream file", self.list.len();
+                expected "one stream file")),
         }
     }
 }
 
 fn not_listed(what: impl std::fmt::Display, count: usize) -> Error {
-    Error::new(ErrorKind::Usage, what).expected(format_args!("one of {count} listed entries"))
+    error!(Usage, "{what}"; expected "one of {count} listed entries")
 }
 
 fn sequence_json(entry: &SequenceEntry) -> Value {
@@ -304,10 +304,8 @@ fn open_dataset(path: &Path) -> Result<Content> {
     let reader = DatasetReader::open(path, false)?;
     let sequences: Vec<_> = reader.done_entries().into_iter().cloned().collect();
     if sequences.is_empty() {
-        return Err(Error::new(ErrorKind::Input, path.display())
-            .found("a data set without finished sequences")
-            .expected("at least one finished sequence")
-            .remedy("generate the data set"));
+        bail!(Input, "{}", path.display(); found "a data set without finished sequences";
+            expected "at least one finished sequence"; remedy "generate the data set");
     }
     Ok(Content::Dataset { reader, sequences })
 }
@@ -343,9 +341,8 @@ fn open_folder(folder: &Path) -> Result<Content> {
     streams.truncate(MAX_FOLDER_STREAMS);
     reports.sort_by(|a, b| a.as_str().cmp(b.as_str()));
     if streams.is_empty() && reports.is_empty() {
-        return Err(Error::new(ErrorKind::Input, folder.display())
-            .found("a folder without streams or a report page")
-            .expected("a data set, a recording set, or a folder with .dat, .npy, .npz or .html files"));
+        bail!(Input, "{}", folder.display(); found "a folder without streams or a report page";
+            expected "a data set, a recording set, or a folder with .dat, .npy, .npz or .html files");
     }
     Ok(Content::Folder { folder: folder.to_owned(), streams, report: reports.into_iter().next() })
 }

@@ -7,7 +7,7 @@ use std::arch::x86_64::*;
 use super::i16_lanes::{I16_LANES, I16Lanes};
 use crate::kernels::isa::avx2::Avx2;
 use crate::kernels::isa::intrinsics::intrinsic;
-use crate::kernels::isa::lanes::Lanes;
+use crate::kernels::isa::lanes::{Lanes, binary_methods};
 
 type Pair = [__m256i; 2];
 
@@ -16,6 +16,14 @@ impl I16Lanes for Avx2 {
     type Sum = __m256i;
     type Count = __m256i;
 
+    binary_methods!(self: Pair {
+        sub([a, b], [c, d]) = intrinsic!([_mm256_sub_epi16(a, c), _mm256_sub_epi16(b, d)]),
+        and([a, b], [c, d]) = [Lanes::and(self, a, c), Lanes::and(self, b, d)],
+        or([a, b], [c, d]) = [Lanes::or(self, a, c), Lanes::or(self, b, d)],
+        greater([a, b], [c, d]) = [Lanes::greater(self, a, c), Lanes::greater(self, b, d)],
+        min([a, b], [c, d]) = [Lanes::min(self, a, c), Lanes::min(self, b, d)],
+        max([a, b], [c, d]) = intrinsic!([_mm256_max_epi16(a, c), _mm256_max_epi16(b, d)]),
+    });
     #[inline(always)]
     fn load(self, from: &[i16; I16_LANES]) -> Pair {
         [Lanes::load(self, from, 0), Lanes::load(self, from, 16)]
@@ -28,30 +36,6 @@ impl I16Lanes for Avx2 {
     #[inline(always)]
     fn splat(self, v: i16) -> Pair {
         [Lanes::splat(self, v); 2]
-    }
-    #[inline(always)]
-    fn sub(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        intrinsic!([_mm256_sub_epi16(a, c), _mm256_sub_epi16(b, d)])
-    }
-    #[inline(always)]
-    fn and(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        [Lanes::and(self, a, c), Lanes::and(self, b, d)]
-    }
-    #[inline(always)]
-    fn or(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        [Lanes::or(self, a, c), Lanes::or(self, b, d)]
-    }
-    #[inline(always)]
-    fn greater(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        [Lanes::greater(self, a, c), Lanes::greater(self, b, d)]
-    }
-    #[inline(always)]
-    fn min(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        [Lanes::min(self, a, c), Lanes::min(self, b, d)]
-    }
-    #[inline(always)]
-    fn max(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        intrinsic!([_mm256_max_epi16(a, c), _mm256_max_epi16(b, d)])
     }
     #[inline(always)]
     fn sign_mask(self, [a, b]: Pair) -> u32 {

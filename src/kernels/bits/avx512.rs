@@ -14,6 +14,7 @@ use super::bit_planes::{BitPlanes, ROW_WORDS};
 use super::i16_lanes::{I16_LANES, I16Lanes};
 use crate::kernels::isa::avx2::Avx2;
 use crate::kernels::isa::intrinsics::intrinsic;
+use crate::kernels::isa::lanes::binary_methods;
 
 /// Proof that the CPU has the instructions; only [`Avx512Bits::detect`] creates one.
 #[derive(Clone, Copy, Debug)]
@@ -122,6 +123,11 @@ impl Avx512Bits {
 impl BitPlanes for Avx512Bits {
     type Row = __m512i;
 
+    binary_methods!(self: __m512i {
+        and(a, b) = intrinsic!(_mm512_and_si512(a, b)), or(a, b) = intrinsic!(_mm512_or_si512(a, b)),
+        xor(a, b) = intrinsic!(_mm512_xor_si512(a, b)), and_not(a, b) = intrinsic!(_mm512_andnot_si512(a, b)),
+        shift_down(row, next) = intrinsic!(_mm512_shrdi_epi64::<1>(row, next)),
+    });
     #[inline(always)]
     fn row(self, words: &[u64; ROW_WORDS]) -> __m512i {
         self.load(words)
@@ -133,22 +139,6 @@ impl BitPlanes for Avx512Bits {
         words
     }
     #[inline(always)]
-    fn and(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_and_si512(a, b))
-    }
-    #[inline(always)]
-    fn or(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_or_si512(a, b))
-    }
-    #[inline(always)]
-    fn xor(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_xor_si512(a, b))
-    }
-    #[inline(always)]
-    fn and_not(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_andnot_si512(a, b))
-    }
-    #[inline(always)]
     fn full_add(self, a: __m512i, b: __m512i, c: __m512i) -> (__m512i, __m512i) {
         // Bit `4 a + 2 b + c` of the constant is the result for the input bits a, b and c. The sum bit is 1 if one or
         // three inputs are 1.
@@ -157,10 +147,6 @@ impl BitPlanes for Avx512Bits {
             intrinsic!(_mm512_ternarylogic_epi64::<0x96>(a, b, c)),
             intrinsic!(_mm512_ternarylogic_epi64::<0xE8>(a, b, c)),
         )
-    }
-    #[inline(always)]
-    fn shift_down(self, row: __m512i, next: __m512i) -> __m512i {
-        intrinsic!(_mm512_shrdi_epi64::<1>(row, next))
     }
     #[inline(always)]
     fn prefetch(self, words: &[u64], at: usize) {
@@ -188,6 +174,12 @@ impl I16Lanes for Avx512Bits {
     type Sum = __m512i;
     type Count = __m512i;
 
+    binary_methods!(self: __m512i {
+        sub(a, b) = intrinsic!(_mm512_sub_epi16(a, b)), and(a, b) = BitPlanes::and(self, a, b),
+        or(a, b) = BitPlanes::or(self, a, b),
+        greater(a, b) = intrinsic!(_mm512_movm_epi16(_mm512_cmpgt_epi16_mask(a, b))),
+        min(a, b) = intrinsic!(_mm512_min_epi16(a, b)), max(a, b) = intrinsic!(_mm512_max_epi16(a, b)),
+    });
     #[inline(always)]
     fn load(self, from: &[i16; I16_LANES]) -> __m512i {
         // SAFETY: 64 bytes, any alignment; the token proves the instruction.
@@ -201,30 +193,6 @@ impl I16Lanes for Avx512Bits {
     #[inline(always)]
     fn splat(self, v: i16) -> __m512i {
         intrinsic!(_mm512_set1_epi16(v))
-    }
-    #[inline(always)]
-    fn sub(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_sub_epi16(a, b))
-    }
-    #[inline(always)]
-    fn and(self, a: __m512i, b: __m512i) -> __m512i {
-        BitPlanes::and(self, a, b)
-    }
-    #[inline(always)]
-    fn or(self, a: __m512i, b: __m512i) -> __m512i {
-        BitPlanes::or(self, a, b)
-    }
-    #[inline(always)]
-    fn greater(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_movm_epi16(_mm512_cmpgt_epi16_mask(a, b)))
-    }
-    #[inline(always)]
-    fn min(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_min_epi16(a, b))
-    }
-    #[inline(always)]
-    fn max(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_max_epi16(a, b))
     }
     #[inline(always)]
     fn sign_mask(self, v: __m512i) -> u32 {

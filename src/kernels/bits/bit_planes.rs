@@ -3,6 +3,7 @@
 use wide::u64x4;
 
 use super::i16_lanes::AnyCpu;
+use crate::kernels::isa::lanes::binary_methods;
 
 /// Number of words in a row.
 pub const ROW_WORDS: usize = 8;
@@ -37,6 +38,11 @@ type Pair = [u64x4; 2];
 impl BitPlanes for AnyCpu {
     type Row = Pair;
 
+    binary_methods!(self: Pair {
+        and([a, b], [c, d]) = [a & c, b & d], or([a, b], [c, d]) = [a | c, b | d],
+        xor([a, b], [c, d]) = [a ^ c, b ^ d], and_not([a, b], [c, d]) = [!a & c, !b & d],
+        shift_down([a, b], [c, d]) = [a >> 1 | c << 63, b >> 1 | d << 63],
+    });
     #[inline(always)]
     fn row(self, words: &[u64; ROW_WORDS]) -> Pair {
         bytemuck::cast(*words)
@@ -46,29 +52,9 @@ impl BitPlanes for AnyCpu {
         bytemuck::cast(row)
     }
     #[inline(always)]
-    fn and(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        [a & c, b & d]
-    }
-    #[inline(always)]
-    fn or(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        [a | c, b | d]
-    }
-    #[inline(always)]
-    fn xor(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        [a ^ c, b ^ d]
-    }
-    #[inline(always)]
-    fn and_not(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        [!a & c, !b & d]
-    }
-    #[inline(always)]
     fn full_add(self, a: Pair, b: Pair, c: Pair) -> (Pair, Pair) {
         let half = self.xor(a, b);
         (self.xor(half, c), self.or(self.and(a, b), self.and(half, c)))
-    }
-    #[inline(always)]
-    fn shift_down(self, [a, b]: Pair, [c, d]: Pair) -> Pair {
-        [a >> 1 | c << 63, b >> 1 | d << 63]
     }
     #[inline(always)]
     fn transpose_planes(self, planes: [Pair; 8]) -> [[u8; 64]; ROW_WORDS] {

@@ -6,6 +6,8 @@
 
 use wide::{i16x8, i32x4};
 
+use crate::kernels::isa::lanes::binary_methods;
+
 /// Number of integers in a vector.
 pub const I16_LANES: usize = 32;
 
@@ -71,6 +73,13 @@ impl I16Lanes for AnyCpu {
     type Sum = i32x4;
     type Count = i16x8;
 
+    binary_methods!(self: Quad {
+        sub(a, b) = std::array::from_fn(|i| a[i] - b[i]), and(a, b) = std::array::from_fn(|i| a[i] & b[i]),
+        or(a, b) = std::array::from_fn(|i| a[i] | b[i]),
+        greater(a, b) = std::array::from_fn(|i| a[i].simd_gt(b[i])),
+        min(a, b) = std::array::from_fn(|i| a[i].min(b[i])),
+        max(a, b) = std::array::from_fn(|i| a[i].max(b[i])),
+    });
     #[inline(always)]
     fn load(self, from: &[i16; I16_LANES]) -> Quad {
         bytemuck::cast(*from)
@@ -82,30 +91,6 @@ impl I16Lanes for AnyCpu {
     #[inline(always)]
     fn splat(self, v: i16) -> Quad {
         [i16x8::splat(v); 4]
-    }
-    #[inline(always)]
-    fn sub(self, a: Quad, b: Quad) -> Quad {
-        std::array::from_fn(|i| a[i] - b[i])
-    }
-    #[inline(always)]
-    fn and(self, a: Quad, b: Quad) -> Quad {
-        std::array::from_fn(|i| a[i] & b[i])
-    }
-    #[inline(always)]
-    fn or(self, a: Quad, b: Quad) -> Quad {
-        std::array::from_fn(|i| a[i] | b[i])
-    }
-    #[inline(always)]
-    fn greater(self, a: Quad, b: Quad) -> Quad {
-        std::array::from_fn(|i| a[i].simd_gt(b[i]))
-    }
-    #[inline(always)]
-    fn min(self, a: Quad, b: Quad) -> Quad {
-        std::array::from_fn(|i| a[i].min(b[i]))
-    }
-    #[inline(always)]
-    fn max(self, a: Quad, b: Quad) -> Quad {
-        std::array::from_fn(|i| a[i].max(b[i]))
     }
     #[inline(always)]
     fn sign_mask(self, [a, b, c, d]: Quad) -> u32 {

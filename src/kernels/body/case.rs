@@ -102,7 +102,7 @@ macro_rules! cases {
             match Case::from_key(CaseKey::from_job(job)) {
                 Case::DYNAMICS => entry.enter::<DYNAMICS>(),
                 Case::NOISELESS_FREE_WHOLE | Case::NOISELESS_FREE => entry.enter::<NOISELESS_FREE>(),
-                Case::NOISELESS_CLAMPED_WHOLE | Case::NOISELESS_CLAMPED => entry.enter::<NOISELESS_CLAMPED>(),
+                Case::NOISELESS_CLAMPED => entry.enter::<NOISELESS_CLAMPED>(),
                 _ => entry.enter::<GENERAL>(),
             }
         }
@@ -140,9 +140,6 @@ cases! {
     /// Fixed pattern only. The charge is always below two thresholds.
     NOISELESS_FREE:
         CaseKey { has_shot_noise: false, noise: Some(NOISE_NONE), store: STORE_FREE, changes_light: false, has_extras: false, .. } => noiseless::<L, STORE_FREE, false>;
-    /// Ideal pixels with clamped charge under held 8-bit frames.
-    NOISELESS_CLAMPED_WHOLE:
-        CaseKey { has_shot_noise: false, noise: Some(NOISE_NONE), store: STORE_CLAMPED, is_whole: true, changes_light: false, has_extras: false, .. } => noiseless::<L, STORE_CLAMPED, true>;
     /// Fixed pattern and clamped charge.
     NOISELESS_CLAMPED:
         CaseKey { has_shot_noise: false, noise: Some(NOISE_NONE), store: STORE_CLAMPED, changes_light: false, has_extras: false, .. } => noiseless::<L, STORE_CLAMPED, false>;

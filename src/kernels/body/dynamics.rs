@@ -260,27 +260,17 @@ fn readout<L: Lanes>(
     slow_state: &mut SlowState<L>,
 ) -> L::Mask {
     // The pattern has no `..`, so the compiler reports a new operation that this function does not handle.
+    #[rustfmt::skip]
     let Dynamics {
-        leak,
-        coupling,
-        adaptation,
+        leak, coupling, adaptation,
         // `with_crosstalk`, `nonlinear` and `lagged` use these fields:
-        crosstalk: _,
-        quadratic: _,
-        peak: _,
-        schedule: _,
-        lag: _,
+        crosstalk: _, quadratic: _, peak: _, schedule: _, lag: _,
         // `dark_current` uses this field:
         telegraph: _,
         // `threshold_offsets` uses these fields:
-        row_noise: _,
-        slow_noise: _,
-        droop: _,
-        comparator_noise: _,
+        row_noise: _, slow_noise: _, droop: _, comparator_noise: _,
         // `ThresholdConstants` contains the values of these fields:
-        threshold: _,
-        max_offset: _,
-        pixel_rows: _,
+        threshold: _, max_offset: _, pixel_rows: _,
     } = dynamics;
     if *leak != 0.0 {
         let stored = l.add_f(l.to_f(pixel.word(l)), thresholds.threshold);

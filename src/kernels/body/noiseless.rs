@@ -30,62 +30,31 @@ pub(super) fn noiseless<L: Lanes, const STORE: u8, const WHOLE: bool>(
     state: &mut StateTile<'_>,
     out: &mut [u8],
 ) {
+    const U: usize = VECTORS_PER_STEP;
     let pixels = job.plan.geometry().pixels().saturating_sub(job.range().start);
     for pass in passes(job) {
-        let (bytes, next_bytes) = (pass.frames::<u8>(), pass.prefetch::<u8>());
-        let (shorts, next_shorts) = (pass.frames::<u16>(), pass.prefetch::<u16>());
-        let (floats, next_floats) = (pass.frames::<f32>(), pass.prefetch::<f32>());
+        let bytes = (pass.frames::<u8>(), pass.prefetch::<u8>());
+        let shorts = (pass.frames::<u16>(), pass.prefetch::<u16>());
+        let floats = (pass.frames::<f32>(), pass.prefetch::<f32>());
         let mut at = 0;
-        while at + VECTORS_PER_STEP * L::N <= job.pixels() {
-            let inside = at + VECTORS_PER_STEP * L::N <= pixels;
+        while at + U * L::N <= job.pixels() {
+            let inside = at + U * L::N <= pixels;
             match pass.single_sample_kind {
                 Some(Samples::U8(_)) if WHOLE && inside => {
-                    run_whole_frames::<L, STORE, VECTORS_PER_STEP>(
-                        l,
-                        job,
-                        state,
-                        out,
-                        at,
-                        &pass,
-                        (&bytes, &next_bytes),
-                    );
+                    run_whole_frames::<L, STORE, U>(l, job, state, out, at, &pass, &bytes);
                 }
                 Some(Samples::U8(_)) if inside => {
-                    run_typed_frames::<L, u8, STORE, VECTORS_PER_STEP>(
-                        l,
-                        job,
-                        state,
-                        out,
-                        at,
-                        &pass,
-                        (&bytes, &next_bytes),
-                    );
+                    run_typed_frames::<L, u8, STORE, U>(l, job, state, out, at, &pass, &bytes);
                 }
                 Some(Samples::U16(_)) if inside => {
-                    run_typed_frames::<L, u16, STORE, VECTORS_PER_STEP>(
-                        l,
-                        job,
-                        state,
-                        out,
-                        at,
-                        &pass,
-                        (&shorts, &next_shorts),
-                    );
+                    run_typed_frames::<L, u16, STORE, U>(l, job, state, out, at, &pass, &shorts);
                 }
                 Some(Samples::F32(_)) if inside => {
-                    run_typed_frames::<L, f32, STORE, VECTORS_PER_STEP>(
-                        l,
-                        job,
-                        state,
-                        out,
-                        at,
-                        &pass,
-                        (&floats, &next_floats),
-                    );
+                    run_typed_frames::<L, f32, STORE, U>(l, job, state, out, at, &pass, &floats);
                 }
-                _ => run_segments::<L, STORE, WHOLE, VECTORS_PER_STEP>(l, job, state, out, at, &pass),
+                _ => run_segments::<L, STORE, WHOLE, U>(l, job, state, out, at, &pass),
             }
-            at += VECTORS_PER_STEP * L::N;
+            at += U * L::N;
         }
         while at < job.pixels() {
             run_segments::<L, STORE, WHOLE, 1>(l, job, state, out, at, &pass);
@@ -130,7 +99,7 @@ fn run_whole_frames<L: Lanes, const STORE: u8, const U: usize>(
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
-    (frames, next): (&[&[u8]; MAX_PASS_FRAMES], &Prefetch<'_, u8>),
+    (frames, next): &([&[u8]; MAX_PASS_FRAMES], Prefetch<'_, u8>),
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
     next.fetch(l, constants[0].p, U * L::N);
@@ -156,7 +125,7 @@ fn run_typed_frames<L: Lanes, T: Sample, const STORE: u8, const U: usize>(
     out: &mut [u8],
     at: usize,
     pass: &Pass<'_>,
-    (frames, next): (&[&[T]; MAX_PASS_FRAMES], &Prefetch<'_, T>),
+    (frames, next): &([&[T]; MAX_PASS_FRAMES], Prefetch<'_, T>),
 ) {
     let (constants, mut pixels) = load::<L, U>(l, job, state, at);
     let max_light = job.plan.rules().max_light;

@@ -242,17 +242,11 @@ impl<L: Lanes> Constants<L> {
             shot,
             noise,
         } = job.plan.tables();
+        #[rustfmt::skip]
         let Rules {
-            release_share: released,
-            lost_increment,
-            extra_thresholds,
-            needs_clip: clip,
+            release_share: released, lost_increment, extra_thresholds, needs_clip: clip,
             // The case depends on these fields, or readouts read these fields directly.
-            noise_sampling: _,
-            counts_surplus: _,
-            retained_remainder: _,
-            lost_remainder: _,
-            flip: _,
+            noise_sampling: _, counts_surplus: _, retained_remainder: _, lost_remainder: _, flip: _,
             max_light: _,
         } = *job.plan.rules();
         let none = l.splat_f(0.0);

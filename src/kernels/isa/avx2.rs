@@ -6,7 +6,9 @@ use std::arch::asm;
 use std::arch::x86_64::*;
 
 use crate::draws::gauss;
-use crate::kernels::isa::intrinsics::{for_pair, for_pair_index, intrinsic, memory_intrinsic};
+use crate::kernels::isa::intrinsics::{
+    for_pair, for_pair_index, intrinsic, lane_methods, memory_intrinsic, vector_methods,
+};
 use crate::kernels::isa::lanes::{Lanes, last_index};
 
 /// Proof that the CPU has the instructions; only [`Avx2::detect`] creates one.
@@ -44,16 +46,6 @@ type Pair = [__m256i; 2];
 type PairF = [__m256; 2];
 
 impl Avx2 {
-    #[inline(always)]
-    fn zip_pair(self, a: Pair, b: Pair, f: impl Fn(__m256i, __m256i) -> __m256i) -> Pair {
-        [f(a[0], b[0]), f(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn zip_pair_f(self, a: PairF, b: PairF, f: impl Fn(__m256, __m256) -> __m256) -> PairF {
-        [f(a[0], b[0]), f(a[1], b[1])]
-    }
-
     /// Packs two vectors of 32-bit words below 65,536 into sixteen 16-bit words.
     #[inline(always)]
     fn pack(self, [a, b]: Pair) -> __m256i {
@@ -82,48 +74,25 @@ impl Lanes for Avx2 {
     type Float = PairF;
     type Mask = __m256i;
 
-    #[inline(always)]
-    fn load(self, from: &[i16], at: usize) -> __m256i {
-        let from = &from[at..at + 16];
-        memory_intrinsic!(_mm256_loadu_si256(from.as_ptr().cast()))
+    vector_methods! {
+        load _mm256_loadu_si256, store _mm256_storeu_si256, splat _mm256_set1_epi16 _mm256_set1_epi32 _mm256_set1_ps,
+        shift _mm256_srl_epi32
     }
-    #[inline(always)]
-    fn store(self, to: &mut [i16], at: usize, v: __m256i) {
-        let to = &mut to[at..at + 16];
-        memory_intrinsic!(_mm256_storeu_si256(to.as_mut_ptr().cast(), v));
+    lane_methods! {
+        halves: add _mm256_add_epi16, sub _mm256_sub_epi16, add_saturating _mm256_adds_epi16,
+            min _mm256_min_epi16, scale _mm256_mulhrs_epi16, greater _mm256_cmpgt_epi16,
+            mul _mm256_mullo_epi16, and _mm256_and_si256, or _mm256_or_si256, xor _mm256_xor_si256,
+            mul_pairs _mm256_mullo_epi32;
+        words: add_w _mm256_add_epi32, sub_w _mm256_sub_epi32, and_w _mm256_and_si256, min_w _mm256_min_epi32,
+            xor_w _mm256_xor_si256, mul_w _mm256_mullo_epi32;
+        floats: add_f _mm256_add_ps, sub_f _mm256_sub_ps, mul_f _mm256_mul_ps, div_f _mm256_div_ps,
+            min_f _mm256_min_ps, max_f _mm256_max_ps;
+        floats_to_floats: sqrt_f _mm256_sqrt_ps;
+        floats_to_words: round _mm256_cvtps_epi32, truncate _mm256_cvttps_epi32,
+            f_to_bits _mm256_castps_si256;
+        words_to_floats: to_f _mm256_cvtepi32_ps, f_from_bits _mm256_castsi256_ps;
     }
-    #[inline(always)]
-    fn splat(self, v: i16) -> __m256i {
-        intrinsic!(_mm256_set1_epi16(v))
-    }
-    #[inline(always)]
-    fn add(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_add_epi16(a, b))
-    }
-    #[inline(always)]
-    fn sub(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_sub_epi16(a, b))
-    }
-    #[inline(always)]
-    fn add_saturating(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_adds_epi16(a, b))
-    }
-    #[inline(always)]
-    fn min(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_min_epi16(a, b))
-    }
-    #[inline(always)]
-    fn scale(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_mulhrs_epi16(a, b))
-    }
-    #[inline(always)]
-    fn greater(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_cmpgt_epi16(a, b))
-    }
-    #[inline(always)]
-    fn mul(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_mullo_epi16(a, b))
-    }
+
     #[inline(always)]
     fn load_bytes(self, from: &[u8], at: usize) -> __m256i {
         let from = &from[at..at + 16];
@@ -144,14 +113,6 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn increment_where(self, m: __m256i, a: __m256i) -> __m256i {
         intrinsic!(_mm256_subs_epi16(a, m))
-    }
-    #[inline(always)]
-    fn and(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_and_si256(a, b))
-    }
-    #[inline(always)]
-    fn or(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_or_si256(a, b))
     }
     #[inline(always)]
     fn not(self, a: __m256i) -> __m256i {
@@ -188,32 +149,6 @@ impl Lanes for Avx2 {
         intrinsic!(pin_pair(a, b))
     }
     #[inline(always)]
-    fn prefetch(self, line: *const u8) {
-        // A prefetch does not access memory, and the CPU ignores an invalid address.
-        intrinsic!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
-    }
-    #[inline(always)]
-    fn load_pairs(self, from: &[u32], at: usize) -> __m256i {
-        let from = &from[at..at + 8];
-        memory_intrinsic!(_mm256_loadu_si256(from.as_ptr().cast()))
-    }
-    #[inline(always)]
-    fn splat_pair(self, v: u32) -> __m256i {
-        intrinsic!(_mm256_set1_epi32(v as i32))
-    }
-    #[inline(always)]
-    fn xor(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_xor_si256(a, b))
-    }
-    #[inline(always)]
-    fn mul_pairs(self, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_mullo_epi32(a, b))
-    }
-    #[inline(always)]
-    fn shr_pairs<const BITS: u32>(self, a: __m256i) -> __m256i {
-        intrinsic!(_mm256_srl_epi32(a, _mm_cvtsi32_si128(const { BITS as i32 })))
-    }
-    #[inline(always)]
     fn gauss(self, bits: __m256i) -> __m256i {
         memory_intrinsic!({
             // If the top bit of an index is 0, the shuffle uses the low four bits of the index.
@@ -236,10 +171,6 @@ impl Lanes for Avx2 {
         ])
     }
     #[inline(always)]
-    fn splat_f(self, v: f32) -> PairF {
-        [intrinsic!(_mm256_set1_ps(v)); 2]
-    }
-    #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
         let from = &from[at..at + 16];
         let bytes = memory_intrinsic!(_mm_loadu_si128(from.as_ptr().cast()));
@@ -258,34 +189,6 @@ impl Lanes for Avx2 {
         self.to_f(self.join(self.splat(0), shorts))
     }
     #[inline(always)]
-    fn add_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_add_ps(a, b)))
-    }
-    #[inline(always)]
-    fn sub_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_sub_ps(a, b)))
-    }
-    #[inline(always)]
-    fn mul_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_mul_ps(a, b)))
-    }
-    #[inline(always)]
-    fn div_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_div_ps(a, b)))
-    }
-    #[inline(always)]
-    fn sqrt_f(self, a: PairF) -> PairF {
-        for_pair!(a => intrinsic!(_mm256_sqrt_ps(a)))
-    }
-    #[inline(always)]
-    fn min_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_min_ps(a, b)))
-    }
-    #[inline(always)]
-    fn max_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm256_max_ps(a, b)))
-    }
-    #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
         for_pair_index!(i => intrinsic!(_mm256_blendv_ps(y[i], x[i], _mm256_cmp_ps::<_CMP_LT_OQ>(a[i], b[i]))))
     }
@@ -296,60 +199,8 @@ impl Lanes for Avx2 {
         intrinsic!(_mm256_movemask_ps(_mm256_or_ps(first, second))) != 0
     }
     #[inline(always)]
-    fn round(self, a: PairF) -> Pair {
-        for_pair!(a => intrinsic!(_mm256_cvtps_epi32(a)))
-    }
-    #[inline(always)]
-    fn truncate(self, a: PairF) -> Pair {
-        for_pair!(a => intrinsic!(_mm256_cvttps_epi32(a)))
-    }
-    #[inline(always)]
-    fn to_f(self, a: Pair) -> PairF {
-        for_pair!(a => intrinsic!(_mm256_cvtepi32_ps(a)))
-    }
-    #[inline(always)]
-    fn f_to_bits(self, a: PairF) -> Pair {
-        for_pair!(a => intrinsic!(_mm256_castps_si256(a)))
-    }
-    #[inline(always)]
-    fn f_from_bits(self, a: Pair) -> PairF {
-        for_pair!(a => intrinsic!(_mm256_castsi256_ps(a)))
-    }
-    #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
         self.f_to_bits(self.load_f(bytemuck::cast_slice(from), at))
-    }
-    #[inline(always)]
-    fn splat_w(self, v: u32) -> Pair {
-        [self.splat_pair(v); 2]
-    }
-    #[inline(always)]
-    fn add_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm256_add_epi32(a, b)))
-    }
-    #[inline(always)]
-    fn sub_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm256_sub_epi32(a, b)))
-    }
-    #[inline(always)]
-    fn and_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm256_and_si256(a, b)))
-    }
-    #[inline(always)]
-    fn xor_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| self.xor(a, b))
-    }
-    #[inline(always)]
-    fn mul_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| self.mul_pairs(a, b))
-    }
-    #[inline(always)]
-    fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
-        for_pair!(a => self.shr_pairs::<BITS>(a))
-    }
-    #[inline(always)]
-    fn min_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm256_min_epi32(a, b)))
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {

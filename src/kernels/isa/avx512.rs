@@ -7,7 +7,9 @@ use std::arch::x86_64::*;
 use crate::draws::gauss;
 use crate::kernels::isa::avx512_counts;
 use crate::kernels::isa::avx512_token::{Avx512, EVEN_WORDS, ODD_WORDS};
-use crate::kernels::isa::intrinsics::{for_pair, for_pair_index, intrinsic, memory_intrinsic};
+use crate::kernels::isa::intrinsics::{
+    for_pair, for_pair_index, intrinsic, lane_methods, memory_intrinsic, vector_methods,
+};
 use crate::kernels::isa::lanes::{CountDraw, Lanes, MAX_COUNT_BYTES, last_index};
 
 const fn repeat_table(table: [i8; 16]) -> [i8; 64] {
@@ -45,16 +47,6 @@ type PairF = [__m512; 2];
 
 impl Avx512 {
     #[inline(always)]
-    fn zip_pair(self, a: Pair, b: Pair, f: impl Fn(__m512i, __m512i) -> __m512i) -> Pair {
-        [f(a[0], b[0]), f(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn zip_pair_f(self, a: PairF, b: PairF, f: impl Fn(__m512, __m512) -> __m512) -> PairF {
-        [f(a[0], b[0]), f(a[1], b[1])]
-    }
-
-    #[inline(always)]
     fn permute(self, index: &[i16; 32], a: __m512i, b: __m512i) -> __m512i {
         let index = self.load(index, 0);
         intrinsic!(_mm512_permutex2var_epi16(a, index, b))
@@ -68,40 +60,24 @@ impl Lanes for Avx512 {
     type Float = PairF;
     type Mask = __mmask32;
 
-    #[inline(always)]
-    fn load(self, from: &[i16], at: usize) -> __m512i {
-        let from = &from[at..at + 32];
-        memory_intrinsic!(_mm512_loadu_si512(from.as_ptr().cast()))
+    vector_methods! {
+        load _mm512_loadu_si512, store _mm512_storeu_si512, splat _mm512_set1_epi16 _mm512_set1_epi32 _mm512_set1_ps,
+        shift _mm512_srl_epi32
     }
-    #[inline(always)]
-    fn store(self, to: &mut [i16], at: usize, v: __m512i) {
-        let to = &mut to[at..at + 32];
-        memory_intrinsic!(_mm512_storeu_si512(to.as_mut_ptr().cast(), v));
+    lane_methods! {
+        halves: add _mm512_add_epi16, sub _mm512_sub_epi16, add_saturating _mm512_adds_epi16,
+            min _mm512_min_epi16, scale _mm512_mulhrs_epi16, mul _mm512_mullo_epi16, xor _mm512_xor_si512,
+            mul_pairs _mm512_mullo_epi32;
+        words: add_w _mm512_add_epi32, sub_w _mm512_sub_epi32, and_w _mm512_and_si512, min_w _mm512_min_epi32,
+            xor_w _mm512_xor_si512, mul_w _mm512_mullo_epi32;
+        floats: add_f _mm512_add_ps, sub_f _mm512_sub_ps, mul_f _mm512_mul_ps, div_f _mm512_div_ps,
+            min_f _mm512_min_ps, max_f _mm512_max_ps;
+        floats_to_floats: sqrt_f _mm512_sqrt_ps;
+        floats_to_words: round _mm512_cvtps_epi32, truncate _mm512_cvttps_epi32,
+            f_to_bits _mm512_castps_si512;
+        words_to_floats: to_f _mm512_cvtepi32_ps, f_from_bits _mm512_castsi512_ps;
     }
-    #[inline(always)]
-    fn splat(self, v: i16) -> __m512i {
-        intrinsic!(_mm512_set1_epi16(v))
-    }
-    #[inline(always)]
-    fn add(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_add_epi16(a, b))
-    }
-    #[inline(always)]
-    fn sub(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_sub_epi16(a, b))
-    }
-    #[inline(always)]
-    fn add_saturating(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_adds_epi16(a, b))
-    }
-    #[inline(always)]
-    fn min(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_min_epi16(a, b))
-    }
-    #[inline(always)]
-    fn scale(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_mulhrs_epi16(a, b))
-    }
+
     #[inline(always)]
     fn greater(self, a: __m512i, b: __m512i) -> __mmask32 {
         intrinsic!(_mm512_cmpgt_epi16_mask(a, b))
@@ -109,10 +85,6 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn not_less(self, a: __m512i, b: __m512i) -> __mmask32 {
         intrinsic!(_mm512_cmpge_epi16_mask(a, b))
-    }
-    #[inline(always)]
-    fn mul(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_mullo_epi16(a, b))
     }
     #[inline(always)]
     fn load_bytes(self, from: &[u8], at: usize) -> __m512i {
@@ -158,32 +130,6 @@ impl Lanes for Avx512 {
         memory_intrinsic!(to.as_mut_ptr().cast::<u32>().write_unaligned((self.bits(m)).to_le()));
     }
     #[inline(always)]
-    fn prefetch(self, line: *const u8) {
-        // A prefetch does not access memory, and the CPU ignores an invalid address.
-        intrinsic!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
-    }
-    #[inline(always)]
-    fn load_pairs(self, from: &[u32], at: usize) -> __m512i {
-        let from = &from[at..at + 16];
-        memory_intrinsic!(_mm512_loadu_si512(from.as_ptr().cast()))
-    }
-    #[inline(always)]
-    fn splat_pair(self, v: u32) -> __m512i {
-        intrinsic!(_mm512_set1_epi32(v as i32))
-    }
-    #[inline(always)]
-    fn xor(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_xor_si512(a, b))
-    }
-    #[inline(always)]
-    fn mul_pairs(self, a: __m512i, b: __m512i) -> __m512i {
-        intrinsic!(_mm512_mullo_epi32(a, b))
-    }
-    #[inline(always)]
-    fn shr_pairs<const BITS: u32>(self, a: __m512i) -> __m512i {
-        intrinsic!(_mm512_srl_epi32(a, _mm_cvtsi32_si128(const { BITS as i32 })))
-    }
-    #[inline(always)]
     fn gauss(self, bits: __m512i) -> __m512i {
         memory_intrinsic!({
             let low = _mm512_permutexvar_epi8(bits, _mm512_loadu_si512(LOW_TABLE.as_ptr().cast()));
@@ -199,10 +145,6 @@ impl Lanes for Avx512 {
     fn load_f(self, from: &[f32], at: usize) -> PairF {
         let from = &from[at..at + 32];
         memory_intrinsic!([_mm512_loadu_ps(from.as_ptr()), _mm512_loadu_ps(from[16..].as_ptr())])
-    }
-    #[inline(always)]
-    fn splat_f(self, v: f32) -> PairF {
-        [intrinsic!(_mm512_set1_ps(v)); 2]
     }
     #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
@@ -221,34 +163,6 @@ impl Lanes for Avx512 {
         ])
     }
     #[inline(always)]
-    fn add_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_add_ps(a, b)))
-    }
-    #[inline(always)]
-    fn sub_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_sub_ps(a, b)))
-    }
-    #[inline(always)]
-    fn mul_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_mul_ps(a, b)))
-    }
-    #[inline(always)]
-    fn div_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_div_ps(a, b)))
-    }
-    #[inline(always)]
-    fn sqrt_f(self, a: PairF) -> PairF {
-        for_pair!(a => intrinsic!(_mm512_sqrt_ps(a)))
-    }
-    #[inline(always)]
-    fn min_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_min_ps(a, b)))
-    }
-    #[inline(always)]
-    fn max_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm512_max_ps(a, b)))
-    }
-    #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
         for_pair_index!(i => intrinsic!(_mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a[i], b[i]), y[i], x[i])))
     }
@@ -259,60 +173,8 @@ impl Lanes for Avx512 {
         first | second != 0
     }
     #[inline(always)]
-    fn round(self, a: PairF) -> Pair {
-        for_pair!(a => intrinsic!(_mm512_cvtps_epi32(a)))
-    }
-    #[inline(always)]
-    fn truncate(self, a: PairF) -> Pair {
-        for_pair!(a => intrinsic!(_mm512_cvttps_epi32(a)))
-    }
-    #[inline(always)]
-    fn to_f(self, a: Pair) -> PairF {
-        for_pair!(a => intrinsic!(_mm512_cvtepi32_ps(a)))
-    }
-    #[inline(always)]
-    fn f_to_bits(self, a: PairF) -> Pair {
-        for_pair!(a => intrinsic!(_mm512_castps_si512(a)))
-    }
-    #[inline(always)]
-    fn f_from_bits(self, a: Pair) -> PairF {
-        for_pair!(a => intrinsic!(_mm512_castsi512_ps(a)))
-    }
-    #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
         [self.load_pairs(from, at), self.load_pairs(from, at + 16)]
-    }
-    #[inline(always)]
-    fn splat_w(self, v: u32) -> Pair {
-        [self.splat_pair(v); 2]
-    }
-    #[inline(always)]
-    fn add_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm512_add_epi32(a, b)))
-    }
-    #[inline(always)]
-    fn sub_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm512_sub_epi32(a, b)))
-    }
-    #[inline(always)]
-    fn and_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm512_and_si512(a, b)))
-    }
-    #[inline(always)]
-    fn xor_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| self.xor(a, b))
-    }
-    #[inline(always)]
-    fn mul_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| self.mul_pairs(a, b))
-    }
-    #[inline(always)]
-    fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
-        for_pair!(a => self.shr_pairs::<BITS>(a))
-    }
-    #[inline(always)]
-    fn min_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm512_min_epi32(a, b)))
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {

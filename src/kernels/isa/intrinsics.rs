@@ -52,4 +52,98 @@ macro_rules! memory_intrinsic {
     }};
 }
 
-pub(in crate::kernels) use {for_pair, for_pair_index, intrinsic, memory_intrinsic};
+/// Defines the methods of [`Lanes`](super::lanes::Lanes) that load, store, repeat and shift, from the instructions of a
+/// vector.
+macro_rules! vector_methods {
+    (load $load:ident, store $store:ident, splat $splat_16:ident $splat_32:ident $splat_f:ident, shift $shift:ident) => {
+        #[inline(always)]
+        fn load(self, from: &[i16], at: usize) -> Self::Half {
+            let from = &from[at..at + const { Self::N }];
+            memory_intrinsic!($load(from.as_ptr().cast()))
+        }
+        #[inline(always)]
+        fn store(self, to: &mut [i16], at: usize, v: Self::Half) {
+            let to = &mut to[at..at + const { Self::N }];
+            memory_intrinsic!($store(to.as_mut_ptr().cast(), v));
+        }
+        #[inline(always)]
+        fn load_pairs(self, from: &[u32], at: usize) -> Self::Half {
+            let from = &from[at..at + const { Self::N / 2 }];
+            memory_intrinsic!($load(from.as_ptr().cast()))
+        }
+        #[inline(always)]
+        fn splat(self, v: i16) -> Self::Half {
+            intrinsic!($splat_16(v))
+        }
+        #[inline(always)]
+        fn splat_pair(self, v: u32) -> Self::Half {
+            intrinsic!($splat_32(v as i32))
+        }
+        #[inline(always)]
+        fn splat_w(self, v: u32) -> Self::Word {
+            [self.splat_pair(v); 2]
+        }
+        #[inline(always)]
+        fn splat_f(self, v: f32) -> Self::Float {
+            [intrinsic!($splat_f(v)); 2]
+        }
+        #[inline(always)]
+        fn shr_pairs<const BITS: u32>(self, a: Self::Half) -> Self::Half {
+            intrinsic!($shift(a, _mm_cvtsi32_si128(const { BITS as i32 })))
+        }
+        #[inline(always)]
+        fn shr_w<const BITS: u32>(self, a: Self::Word) -> Self::Word {
+            for_pair!(a => self.shr_pairs::<BITS>(a))
+        }
+        #[inline(always)]
+        fn prefetch(self, line: *const u8) {
+            // A prefetch does not access memory, and the CPU ignores an invalid address.
+            intrinsic!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
+        }
+    };
+}
+
+/// Defines the methods of [`Lanes`](super::lanes::Lanes) that are one instruction per vector. The group before a colon
+/// states the types of the arguments and of the result.
+macro_rules! lane_methods {
+    ($($types:ident: $($name:ident $instruction:ident),+;)+) => {
+        $($(lane_methods!(@$types $name $instruction);)+)+
+    };
+    (@halves $name:ident $instruction:ident) => {
+        #[inline(always)]
+        fn $name(self, a: Self::Half, b: Self::Half) -> Self::Half {
+            intrinsic!($instruction(a, b))
+        }
+    };
+    (@words $name:ident $instruction:ident) => {
+        lane_methods!(@two $name $instruction Word);
+    };
+    (@floats $name:ident $instruction:ident) => {
+        lane_methods!(@two $name $instruction Float);
+    };
+    (@floats_to_floats $name:ident $instruction:ident) => {
+        lane_methods!(@one $name $instruction Float Float);
+    };
+    (@floats_to_words $name:ident $instruction:ident) => {
+        lane_methods!(@one $name $instruction Float Word);
+    };
+    (@words_to_floats $name:ident $instruction:ident) => {
+        lane_methods!(@one $name $instruction Word Float);
+    };
+    (@two $name:ident $instruction:ident $pair:ident) => {
+        #[inline(always)]
+        fn $name(self, a: Self::$pair, b: Self::$pair) -> Self::$pair {
+            intrinsic!([$instruction(a[0], b[0]), $instruction(a[1], b[1])])
+        }
+    };
+    (@one $name:ident $instruction:ident $from:ident $to:ident) => {
+        #[inline(always)]
+        fn $name(self, a: Self::$from) -> Self::$to {
+            intrinsic!([$instruction(a[0]), $instruction(a[1])])
+        }
+    };
+}
+
+pub(in crate::kernels) use {
+    for_pair, for_pair_index, intrinsic, lane_methods, memory_intrinsic, vector_methods,
+};

@@ -220,6 +220,20 @@ pub(crate) trait Lanes: Copy {
     fn widen(self, a: Self::Half) -> Self::Word;
 }
 
+/// Defines methods of two arguments of one type, each as an expression.
+macro_rules! binary_methods {
+    ($self:ident: $type:ty { $($name:ident($a:pat, $b:pat) = $value:expr),+ $(,)? }) => {
+        $(
+            #[inline(always)]
+            fn $name($self, $a: $type, $b: $type) -> $type {
+                $value
+            }
+        )+
+    };
+}
+
+pub(in crate::kernels) use binary_methods;
+
 #[cfg(test)]
 mod tests {
     use super::*;

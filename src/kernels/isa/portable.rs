@@ -1,6 +1,6 @@
 //! The vectors of the `wide` crate. They use the instructions that this build was compiled for.
 
-use crate::kernels::isa::lanes::{Lanes, last_index};
+use crate::kernels::isa::lanes::{Lanes, binary_methods, last_index};
 use crate::kernels::isa::wide_lanes::{
     self, HAS_MASK_REGISTERS, N, VecF32, VecI16, VecI32, VecU16, VecU32, map_array,
 };
@@ -33,11 +33,6 @@ fn as_signed(a: VecU32) -> VecI32 {
 }
 
 #[inline(always)]
-fn zip_pair<T: Copy>(a: [T; 2], b: [T; 2], f: impl Fn(T, T) -> T) -> [T; 2] {
-    [f(a[0], b[0]), f(a[1], b[1])]
-}
-
-#[inline(always)]
 fn load_array<T: Copy>(from: &[T], at: usize) -> [T; N] {
     let mut out = [from[at]; N];
     out.copy_from_slice(&from[at..at + N]);
@@ -51,6 +46,24 @@ impl Lanes for Portable {
     type Float = PairF;
     type Mask = VecI16;
 
+    binary_methods!(self: VecI16 {
+        add(a, b) = a + b, sub(a, b) = a - b, add_saturating(a, b) = a.saturating_add(b), min(a, b) = a.min(b),
+        scale(a, b) = wide_lanes::scale(a, b), greater(a, b) = a.simd_gt(b), mul(a, b) = a * b, and(a, b) = a & b,
+        or(a, b) = a | b, xor(a, b) = a ^ b, mul_pairs(a, b) = halves(pairs(a) * pairs(b)),
+    });
+    binary_methods!(self: Pair {
+        add_w([a, b], [c, d]) = [a + c, b + d], sub_w([a, b], [c, d]) = [a - c, b - d],
+        and_w([a, b], [c, d]) = [a & c, b & d], xor_w([a, b], [c, d]) = [a ^ c, b ^ d],
+        mul_w([a, b], [c, d]) = [
+            as_signed(as_unsigned(a) * as_unsigned(c)), as_signed(as_unsigned(b) * as_unsigned(d)),
+        ],
+        min_w([a, b], [c, d]) = [a.min(c), b.min(d)],
+    });
+    binary_methods!(self: PairF {
+        add_f([a, b], [c, d]) = [a + c, b + d], sub_f([a, b], [c, d]) = [a - c, b - d],
+        mul_f([a, b], [c, d]) = [a * c, b * d], div_f([a, b], [c, d]) = [a / c, b / d],
+        min_f([a, b], [c, d]) = [a.fast_min(c), b.fast_min(d)], max_f([a, b], [c, d]) = [a.fast_max(c), b.fast_max(d)],
+    });
     #[inline(always)]
     fn load(self, from: &[i16], at: usize) -> VecI16 {
         VecI16::new(load_array(from, at))
@@ -62,34 +75,6 @@ impl Lanes for Portable {
     #[inline(always)]
     fn splat(self, v: i16) -> VecI16 {
         VecI16::splat(v)
-    }
-    #[inline(always)]
-    fn add(self, a: VecI16, b: VecI16) -> VecI16 {
-        a + b
-    }
-    #[inline(always)]
-    fn sub(self, a: VecI16, b: VecI16) -> VecI16 {
-        a - b
-    }
-    #[inline(always)]
-    fn add_saturating(self, a: VecI16, b: VecI16) -> VecI16 {
-        a.saturating_add(b)
-    }
-    #[inline(always)]
-    fn min(self, a: VecI16, b: VecI16) -> VecI16 {
-        a.min(b)
-    }
-    #[inline(always)]
-    fn scale(self, a: VecI16, b: VecI16) -> VecI16 {
-        wide_lanes::scale(a, b)
-    }
-    #[inline(always)]
-    fn greater(self, a: VecI16, b: VecI16) -> VecI16 {
-        a.simd_gt(b)
-    }
-    #[inline(always)]
-    fn mul(self, a: VecI16, b: VecI16) -> VecI16 {
-        a * b
     }
     #[inline(always)]
     fn load_bytes(self, from: &[u8], at: usize) -> VecI16 {
@@ -117,14 +102,6 @@ impl Lanes for Portable {
         }
     }
     #[inline(always)]
-    fn and(self, a: VecI16, b: VecI16) -> VecI16 {
-        a & b
-    }
-    #[inline(always)]
-    fn or(self, a: VecI16, b: VecI16) -> VecI16 {
-        a | b
-    }
-    #[inline(always)]
     fn not(self, a: VecI16) -> VecI16 {
         !a
     }
@@ -146,14 +123,6 @@ impl Lanes for Portable {
     #[inline(always)]
     fn splat_pair(self, v: u32) -> VecI16 {
         halves(VecU32::splat(v))
-    }
-    #[inline(always)]
-    fn xor(self, a: VecI16, b: VecI16) -> VecI16 {
-        a ^ b
-    }
-    #[inline(always)]
-    fn mul_pairs(self, a: VecI16, b: VecI16) -> VecI16 {
-        halves(pairs(a) * pairs(b))
     }
     #[inline(always)]
     fn shr_pairs<const BITS: u32>(self, a: VecI16) -> VecI16 {
@@ -180,32 +149,8 @@ impl Lanes for Portable {
         bytemuck::cast(map_array!([0.0; N], v in load_array(from, at) => f32::from(v)))
     }
     #[inline(always)]
-    fn add_f(self, a: PairF, b: PairF) -> PairF {
-        zip_pair(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub_f(self, a: PairF, b: PairF) -> PairF {
-        zip_pair(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul_f(self, a: PairF, b: PairF) -> PairF {
-        zip_pair(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn div_f(self, a: PairF, b: PairF) -> PairF {
-        zip_pair(a, b, |a, b| a / b)
-    }
-    #[inline(always)]
     fn sqrt_f(self, a: PairF) -> PairF {
         [a[0].sqrt(), a[1].sqrt()]
-    }
-    #[inline(always)]
-    fn min_f(self, a: PairF, b: PairF) -> PairF {
-        zip_pair(a, b, VecF32::fast_min)
-    }
-    #[inline(always)]
-    fn max_f(self, a: PairF, b: PairF) -> PairF {
-        zip_pair(a, b, VecF32::fast_max)
     }
     #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
@@ -244,35 +189,11 @@ impl Lanes for Portable {
         [VecI32::splat(v as i32); 2]
     }
     #[inline(always)]
-    fn add_w(self, a: Pair, b: Pair) -> Pair {
-        zip_pair(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub_w(self, a: Pair, b: Pair) -> Pair {
-        zip_pair(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn and_w(self, a: Pair, b: Pair) -> Pair {
-        zip_pair(a, b, |a, b| a & b)
-    }
-    #[inline(always)]
-    fn xor_w(self, a: Pair, b: Pair) -> Pair {
-        zip_pair(a, b, |a, b| a ^ b)
-    }
-    #[inline(always)]
-    fn mul_w(self, a: Pair, b: Pair) -> Pair {
-        zip_pair(a, b, |a, b| as_signed(as_unsigned(a) * as_unsigned(b)))
-    }
-    #[inline(always)]
     fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
         [
             as_signed(as_unsigned(a[0]).unbounded_shr_scalar(BITS)),
             as_signed(as_unsigned(a[1]).unbounded_shr_scalar(BITS)),
         ]
-    }
-    #[inline(always)]
-    fn min_w(self, a: Pair, b: Pair) -> Pair {
-        zip_pair(a, b, VecI32::min)
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {

@@ -6,7 +6,9 @@ use std::arch::asm;
 use std::arch::x86_64::*;
 
 use crate::draws::gauss;
-use crate::kernels::isa::intrinsics::{for_pair, for_pair_index, intrinsic, memory_intrinsic};
+use crate::kernels::isa::intrinsics::{
+    for_pair, for_pair_index, intrinsic, lane_methods, memory_intrinsic, vector_methods,
+};
 use crate::kernels::isa::lanes::{Lanes, last_index};
 
 /// Proof that the CPU has the instructions; only [`Sse41::detect`] creates one.
@@ -17,16 +19,6 @@ impl Sse41 {
     /// Returns the token if this CPU has SSE4.1, which includes SSSE3.
     pub(crate) fn detect() -> Option<Self> {
         is_x86_feature_detected!("sse4.1").then_some(Self(()))
-    }
-
-    #[inline(always)]
-    fn zip_pair(self, a: Pair, b: Pair, f: impl Fn(__m128i, __m128i) -> __m128i) -> Pair {
-        [f(a[0], b[0]), f(a[1], b[1])]
-    }
-
-    #[inline(always)]
-    fn zip_pair_f(self, a: PairF, b: PairF, f: impl Fn(__m128, __m128) -> __m128) -> PairF {
-        [f(a[0], b[0]), f(a[1], b[1])]
     }
 }
 
@@ -55,48 +47,23 @@ impl Lanes for Sse41 {
     type Float = PairF;
     type Mask = __m128i;
 
-    #[inline(always)]
-    fn load(self, from: &[i16], at: usize) -> __m128i {
-        let from = &from[at..at + 8];
-        memory_intrinsic!(_mm_loadu_si128(from.as_ptr().cast()))
+    vector_methods! {
+        load _mm_loadu_si128, store _mm_storeu_si128, splat _mm_set1_epi16 _mm_set1_epi32 _mm_set1_ps,
+        shift _mm_srl_epi32
     }
-    #[inline(always)]
-    fn store(self, to: &mut [i16], at: usize, v: __m128i) {
-        let to = &mut to[at..at + 8];
-        memory_intrinsic!(_mm_storeu_si128(to.as_mut_ptr().cast(), v));
+    lane_methods! {
+        halves: add _mm_add_epi16, sub _mm_sub_epi16, add_saturating _mm_adds_epi16, min _mm_min_epi16,
+            scale _mm_mulhrs_epi16, greater _mm_cmpgt_epi16, mul _mm_mullo_epi16, and _mm_and_si128,
+            or _mm_or_si128, xor _mm_xor_si128, mul_pairs _mm_mullo_epi32;
+        words: add_w _mm_add_epi32, sub_w _mm_sub_epi32, and_w _mm_and_si128, min_w _mm_min_epi32,
+            xor_w _mm_xor_si128, mul_w _mm_mullo_epi32;
+        floats: add_f _mm_add_ps, sub_f _mm_sub_ps, mul_f _mm_mul_ps, div_f _mm_div_ps, min_f _mm_min_ps,
+            max_f _mm_max_ps;
+        floats_to_floats: sqrt_f _mm_sqrt_ps;
+        floats_to_words: round _mm_cvtps_epi32, truncate _mm_cvttps_epi32, f_to_bits _mm_castps_si128;
+        words_to_floats: to_f _mm_cvtepi32_ps, f_from_bits _mm_castsi128_ps;
     }
-    #[inline(always)]
-    fn splat(self, v: i16) -> __m128i {
-        intrinsic!(_mm_set1_epi16(v))
-    }
-    #[inline(always)]
-    fn add(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_add_epi16(a, b))
-    }
-    #[inline(always)]
-    fn sub(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_sub_epi16(a, b))
-    }
-    #[inline(always)]
-    fn add_saturating(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_adds_epi16(a, b))
-    }
-    #[inline(always)]
-    fn min(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_min_epi16(a, b))
-    }
-    #[inline(always)]
-    fn scale(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_mulhrs_epi16(a, b))
-    }
-    #[inline(always)]
-    fn greater(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_cmpgt_epi16(a, b))
-    }
-    #[inline(always)]
-    fn mul(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_mullo_epi16(a, b))
-    }
+
     #[inline(always)]
     fn load_bytes(self, from: &[u8], at: usize) -> __m128i {
         let from = &from[at..at + 8];
@@ -119,14 +86,6 @@ impl Lanes for Sse41 {
         intrinsic!(_mm_subs_epi16(a, m))
     }
     #[inline(always)]
-    fn and(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_and_si128(a, b))
-    }
-    #[inline(always)]
-    fn or(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_or_si128(a, b))
-    }
-    #[inline(always)]
     fn not(self, a: __m128i) -> __m128i {
         intrinsic!(_mm_xor_si128(a, _mm_set1_epi16(-1)))
     }
@@ -143,32 +102,6 @@ impl Lanes for Sse41 {
     #[inline(always)]
     fn pin_pair(self, [a, b]: [__m128i; 2]) -> [__m128i; 2] {
         intrinsic!(pin_pair(a, b))
-    }
-    #[inline(always)]
-    fn prefetch(self, line: *const u8) {
-        // A prefetch does not access memory, and the CPU ignores an invalid address.
-        intrinsic!(_mm_prefetch::<_MM_HINT_T0>(line.cast()));
-    }
-    #[inline(always)]
-    fn load_pairs(self, from: &[u32], at: usize) -> __m128i {
-        let from = &from[at..at + 4];
-        memory_intrinsic!(_mm_loadu_si128(from.as_ptr().cast()))
-    }
-    #[inline(always)]
-    fn splat_pair(self, v: u32) -> __m128i {
-        intrinsic!(_mm_set1_epi32(v as i32))
-    }
-    #[inline(always)]
-    fn xor(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_xor_si128(a, b))
-    }
-    #[inline(always)]
-    fn mul_pairs(self, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_mullo_epi32(a, b))
-    }
-    #[inline(always)]
-    fn shr_pairs<const BITS: u32>(self, a: __m128i) -> __m128i {
-        intrinsic!(_mm_srl_epi32(a, _mm_cvtsi32_si128(const { BITS as i32 })))
     }
     #[inline(always)]
     fn gauss(self, bits: __m128i) -> __m128i {
@@ -189,10 +122,6 @@ impl Lanes for Sse41 {
         for_pair_index!(i => memory_intrinsic!(_mm_loadu_ps(from[4 * i..4 * i + 4].as_ptr())))
     }
     #[inline(always)]
-    fn splat_f(self, v: f32) -> PairF {
-        [intrinsic!(_mm_set1_ps(v)); 2]
-    }
-    #[inline(always)]
     fn bytes_to_f(self, from: &[u8], at: usize) -> PairF {
         let from = &from[at..at + 8];
         let bytes = memory_intrinsic!(_mm_loadl_epi64(from.as_ptr().cast()));
@@ -206,34 +135,6 @@ impl Lanes for Sse41 {
         self.to_f(self.join(self.splat(0), shorts))
     }
     #[inline(always)]
-    fn add_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm_add_ps(a, b)))
-    }
-    #[inline(always)]
-    fn sub_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm_sub_ps(a, b)))
-    }
-    #[inline(always)]
-    fn mul_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm_mul_ps(a, b)))
-    }
-    #[inline(always)]
-    fn div_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm_div_ps(a, b)))
-    }
-    #[inline(always)]
-    fn sqrt_f(self, a: PairF) -> PairF {
-        for_pair!(a => intrinsic!(_mm_sqrt_ps(a)))
-    }
-    #[inline(always)]
-    fn min_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm_min_ps(a, b)))
-    }
-    #[inline(always)]
-    fn max_f(self, a: PairF, b: PairF) -> PairF {
-        self.zip_pair_f(a, b, |a, b| intrinsic!(_mm_max_ps(a, b)))
-    }
-    #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
         for_pair_index!(i => intrinsic!(_mm_blendv_ps(y[i], x[i], _mm_cmplt_ps(a[i], b[i]))))
     }
@@ -243,60 +144,8 @@ impl Lanes for Sse41 {
         intrinsic!(_mm_movemask_ps(_mm_or_ps(first, second))) != 0
     }
     #[inline(always)]
-    fn round(self, a: PairF) -> Pair {
-        for_pair!(a => intrinsic!(_mm_cvtps_epi32(a)))
-    }
-    #[inline(always)]
-    fn truncate(self, a: PairF) -> Pair {
-        for_pair!(a => intrinsic!(_mm_cvttps_epi32(a)))
-    }
-    #[inline(always)]
-    fn to_f(self, a: Pair) -> PairF {
-        for_pair!(a => intrinsic!(_mm_cvtepi32_ps(a)))
-    }
-    #[inline(always)]
-    fn f_to_bits(self, a: PairF) -> Pair {
-        for_pair!(a => intrinsic!(_mm_castps_si128(a)))
-    }
-    #[inline(always)]
-    fn f_from_bits(self, a: Pair) -> PairF {
-        for_pair!(a => intrinsic!(_mm_castsi128_ps(a)))
-    }
-    #[inline(always)]
     fn load_words(self, from: &[u32], at: usize) -> Pair {
         self.f_to_bits(self.load_f(bytemuck::cast_slice(from), at))
-    }
-    #[inline(always)]
-    fn splat_w(self, v: u32) -> Pair {
-        [self.splat_pair(v); 2]
-    }
-    #[inline(always)]
-    fn add_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm_add_epi32(a, b)))
-    }
-    #[inline(always)]
-    fn sub_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm_sub_epi32(a, b)))
-    }
-    #[inline(always)]
-    fn and_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm_and_si128(a, b)))
-    }
-    #[inline(always)]
-    fn xor_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| self.xor(a, b))
-    }
-    #[inline(always)]
-    fn mul_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| self.mul_pairs(a, b))
-    }
-    #[inline(always)]
-    fn shr_w<const BITS: u32>(self, a: Pair) -> Pair {
-        for_pair!(a => self.shr_pairs::<BITS>(a))
-    }
-    #[inline(always)]
-    fn min_w(self, a: Pair, b: Pair) -> Pair {
-        self.zip_pair(a, b, |a, b| intrinsic!(_mm_min_epi32(a, b)))
     }
     #[inline(always)]
     fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {

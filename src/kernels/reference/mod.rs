@@ -141,32 +141,22 @@ fn readout(
     pixel: &mut Pixel,
 ) -> bool {
     // The pattern has no `..`, so the compiler reports a new rule or table that this function does not handle.
+    #[rustfmt::skip]
     let Rules {
         flip,
         // `accumulate_charge`, `compare` and `step` use these fields:
-        release_share: _,
-        lost_increment: _,
-        noise_sampling: _,
-        counts_surplus: _,
-        extra_thresholds: _,
-        retained_remainder: _,
-        lost_remainder: _,
-        max_light: _,
+        release_share: _, lost_increment: _, noise_sampling: _, counts_surplus: _, extra_thresholds: _,
+        retained_remainder: _, lost_remainder: _, max_light: _,
         // The reference kernel clips every increment, so it ignores this field.
         needs_clip: _,
     } = *job.plan.rules();
+    #[rustfmt::skip]
     let PixelTables {
         ceiling,
         // `increment`, `accumulate_charge` and `compare` use these fields:
-        gain: _,
-        dark: _,
-        shot: _,
-        threshold: _,
-        jitter_width: _,
-        noise: _,
+        gain: _, dark: _, shot: _, threshold: _, jitter_width: _, noise: _,
         // These fields only save work in the vector kernels.
-        pair_keys: _,
-        whole_gain: _,
+        pair_keys: _, whole_gain: _,
     } = job.plan.tables();
     if let Some(moves) = moves {
         let stored = i32::from(pixel.charge) << 16 | i32::from(pixel.fraction);

@@ -12,7 +12,7 @@
 //! A pixel has an equal value on every machine.
 
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::light::frame::{Frame, OwnedSamples, Source};
 use crate::light::rate::Rate;
 use crate::spikes::Geometry;
@@ -61,12 +61,10 @@ impl Chart {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if a side is shorter than 16 pixels.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if a side is shorter than 16 pixels.
     pub fn new(geometry: Geometry, rate: Rate, frames: Option<u64>) -> Result<Self> {
         if geometry.width() < 16 || geometry.height() < 16 {
-            return Err(Error::new(ErrorKind::Usage, "test chart")
-                .found(geometry)
-                .expected("at least 16x16 pixels"));
+            bail!(Usage, "test chart"; found "{geometry}"; expected "at least 16x16 pixels");
         }
         Ok(Self { geometry, rate, frames, next: 0, prepared: PreparedChart::new(geometry, &WEDGE_LEVELS) })
     }

@@ -12,7 +12,7 @@
 
 use wide::f32x4;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::light::catmull_rom::catmull_rom;
 use crate::light::frame::{Frame, OwnedSamples};
 use crate::spikes::Geometry;
@@ -293,12 +293,11 @@ impl FlowInterpolator {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if the frames differ in size.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the frames differ in size.
     pub fn new(from: &Frame, to: &Frame) -> Result<Self> {
         if from.geometry() != to.geometry() {
-            return Err(Error::new(ErrorKind::Usage, "frames to interpolate")
-                .found(format_args!("{} and {}", from.geometry(), to.geometry()))
-                .expected("two frames of the same size"));
+            bail!(Usage, "frames to interpolate"; found "{} and {}", from.geometry(), to.geometry();
+                expected "two frames of the same size");
         }
         let geometry = from.geometry();
         let (w, h) = (geometry.width(), geometry.height());
@@ -322,12 +321,10 @@ impl FlowInterpolator {
     /// Returns the light at position `weight` between the first frame (0) and the second frame (1), as floats.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if `weight` is outside 0 to 1.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if `weight` is outside 0 to 1.
     pub fn interpolate(&self, weight: f32) -> Result<Frame> {
         if !(0.0..=1.0).contains(&weight) {
-            return Err(Error::new(ErrorKind::Usage, "position between two frames")
-                .found(weight)
-                .expected("a number from 0 to 1"));
+            bail!(Usage, "position between two frames"; found "{weight}"; expected "a number from 0 to 1");
         }
         let fields = [self.forward.splat(weight, 1.0), self.backward.splat(1.0 - weight, -1.0)];
         let misfits = fields.each_ref().map(|f| self.warp_error(f, weight));

@@ -8,7 +8,7 @@
 
 use crate::count::Count;
 use crate::draws::hash::mix64;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::light::frame::{Frame, OwnedSamples, Source};
 use crate::light::rate::Rate;
 use crate::spikes::Geometry;
@@ -174,13 +174,11 @@ impl Objects {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Usage`] if a side is shorter than 16 pixels.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if a side is shorter than 16 pixels.
     pub fn new(geometry: Geometry, rate: Rate, frames: u64, seed: u64, count: u32) -> Result<Self> {
         let (w, h) = (geometry.width(), geometry.height());
         if w < 16 || h < 16 {
-            return Err(Error::new(ErrorKind::Usage, "random objects")
-                .found(geometry)
-                .expected("at least 16x16 pixels"));
+            bail!(Usage, "random objects"; found "{geometry}"; expected "at least 16x16 pixels");
         }
         let ground = |k: usize| 0.08 + 0.5 * texture(seed, (k % w) as f32, (k / w) as f32);
         Ok(Self {

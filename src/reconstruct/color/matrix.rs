@@ -1,6 +1,6 @@
 //! Conversion of the channels of a mosaic to linear sRGB.
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail, error};
 use crate::sensor::Mosaic;
 
 /// Smallest determinant of the normalized response at which colors can be separated.
@@ -30,7 +30,7 @@ impl ColorMatrix {
     /// three channels, this is the least-squares inverse.
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the response does not separate three colors.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the response does not separate three colors.
     pub fn from_response(mosaic: &Mosaic) -> Result<Self> {
         let response: Vec<[f64; 3]> = mosaic.channels().iter().map(|c| c.weights()).collect();
         // Each channel has the weight 1 for white in the least-squares sum, so a bright channel does not dominate.
@@ -39,10 +39,9 @@ impl ColorMatrix {
         let normal: [[f64; 3]; 3] =
             std::array::from_fn(|i| std::array::from_fn(|j| scaled.iter().map(|row| row[i] * row[j]).sum()));
         let inverse = inverse(normal).ok_or_else(|| {
-            Error::new(ErrorKind::Config, "response")
-                .found(format_args!("a mosaic {mosaic} that does not separate red, green and blue"))
-                .expected("at least three channels with different responses")
-                .remedy("reconstruct the channels without a color matrix, or change the response")
+            error!(Config, "response"; found "a mosaic {mosaic} that does not separate red, green and blue";
+                expected "at least three channels with different responses";
+                remedy "reconstruct the channels without a color matrix, or change the response")
         })?;
         let weight =
             |i: usize, k: usize| (0..3).map(|j| inverse[i][j] * scaled[k][j]).sum::<f64>() / whites[k];
@@ -63,19 +62,17 @@ impl ColorMatrix {
     /// ```
     ///
     /// # Errors
-    /// Returns [`ErrorKind::Config`] if the mosaic lacks R, G or B, or if `white` does not have one positive number for each channel.
+    /// Returns [`ErrorKind::Config`](crate::ErrorKind::Config) if the mosaic lacks R, G or B, or if `white` does not have one positive number for each channel.
     pub fn from_white(mosaic: &Mosaic, white: &[f64]) -> Result<Self> {
         let channels = mosaic.channels();
         if white.len() != channels.len() || !white.iter().all(|w| w.is_finite() && *w > 0.0) {
-            return Err(Error::new(ErrorKind::Config, "white balance")
-                .found(format_args!("{white:?}"))
-                .expected(format_args!("{} positive numbers, one per channel of {mosaic}", channels.len())));
+            bail!(Config, "white balance"; found "{white:?}";
+                expected "{} positive numbers, one per channel of {mosaic}", channels.len());
         }
         let row = |name: char| -> Result<Vec<f64>> {
             let k = channels.iter().position(|c| c.name == name).ok_or_else(|| {
-                Error::new(ErrorKind::Config, "white balance")
-                    .found(format_args!("a mosaic {mosaic} without the channel {name}"))
-                    .expected("the channels R, G and B")
+                error!(Config, "white balance"; found "a mosaic {mosaic} without the channel {name}";
+                    expected "the channels R, G and B")
             })?;
             Ok((0..channels.len()).map(|i| if i == k { 1.0 / white[k] } else { 0.0 }).collect())
         };

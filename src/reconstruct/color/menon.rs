@@ -1,7 +1,6 @@
 //! Demosaicing of Bayer patterns with directional filters and an a posteriori decision (Menon, Andriani and Calvagno
 //! 2007).
 
-use super::planes::reflected;
 use crate::sensor::Mosaic;
 use crate::spikes::Geometry;
 
@@ -22,6 +21,20 @@ enum Direction {
 }
 
 use Direction::{Horizontal, Vertical};
+
+/// Returns index `i + offset` of a line of `len` pixels, reflected at the first and the last pixel. A reflection keeps
+/// the phase of a pattern of two pixels.
+pub(super) fn reflected(i: usize, offset: isize, len: usize) -> usize {
+    let at = i as isize + offset;
+    let last = len as isize - 1;
+    (if at < 0 {
+        -at
+    } else if at > last {
+        2 * last - at
+    } else {
+        at
+    }) as usize
+}
 
 /// The pixels of an image.
 #[derive(Clone, Copy)]

@@ -1,12 +1,11 @@
 //! Demosaicing: all channels of every pixel from the values of a mosaic.
 
-use std::str::FromStr;
-
-use super::menon;
+use super::menon::{self, reflected};
 use crate::count::Count;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Result, bail};
 use crate::sensor::Mosaic;
 use crate::spikes::Geometry;
+use crate::variants::named_variants;
 
 /// A method of demosaicing.
 ///
@@ -35,38 +34,7 @@ pub enum Demosaic {
     Menon,
 }
 
-impl Demosaic {
-    /// All methods.
-    pub const ALL: [Self; 3] = [Self::Bilinear, Self::Malvar, Self::Menon];
-
-    /// Returns the name of the method in arguments and reports.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Bilinear => "bilinear",
-            Self::Malvar => "malvar",
-            Self::Menon => "menon",
-        }
-    }
-}
-
-impl std::fmt::Display for Demosaic {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Demosaic {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, "demosaicing")
-                .found(format_args!("`{name}`"))
-                .expected(Self::ALL.map(Self::name).join(", "))
-        })
-    }
-}
+named_variants!(Demosaic, "demosaicing" { Bilinear = "bilinear", Malvar = "malvar", Menon = "menon" });
 
 /// Returns all channels of every pixel, row-major. The channels of a pixel are adjacent, in the order of
 /// [`Mosaic::channels`].
@@ -87,30 +55,25 @@ impl FromStr for Demosaic {
 /// ```
 ///
 /// # Errors
-/// * [`ErrorKind::Input`] if the number of values differs from the number of pixels, or if the image has no pixel of a
+/// * [`ErrorKind::Input`](crate::ErrorKind::Input) if the number of values differs from the number of pixels, or if the image has no pixel of a
 ///   channel.
-/// * [`ErrorKind::Usage`] if the method is not bilinear, and the pattern is not a Bayer pattern or the image is smaller
+/// * [`ErrorKind::Usage`](crate::ErrorKind::Usage) if the method is not bilinear, and the pattern is not a Bayer pattern or the image is smaller
 ///   than 5x5 pixels.
 pub fn demosaic(values: &[f32], geometry: Geometry, mosaic: &Mosaic, method: Demosaic) -> Result<Vec<f32>> {
     if values.len() != geometry.pixels() {
-        return Err(Error::new(ErrorKind::Input, "values of a mosaic")
-            .found(Count(values.len(), "value"))
-            .expected(format_args!("{}, one per pixel of {geometry}", geometry.pixels())));
+        bail!(Input, "values of a mosaic"; found "{}", Count(values.len(), "value");
+            expected "{}, one per pixel of {geometry}", geometry.pixels());
     }
     if method == Demosaic::Bilinear {
         return bilinear(values, geometry, mosaic);
     }
     if !mosaic.is_bayer() {
-        return Err(Error::new(ErrorKind::Usage, "demosaicing")
-            .found(format_args!("{method} for the pattern {mosaic}"))
-            .expected("RGGB, BGGR, GRBG or GBRG")
-            .remedy("use bilinear, which supports every pattern"));
+        bail!(Usage, "demosaicing"; found "{method} for the pattern {mosaic}";
+            expected "RGGB, BGGR, GRBG or GBRG"; remedy "use bilinear, which supports every pattern");
     }
     if geometry.width() < 5 || geometry.height() < 5 {
-        return Err(Error::new(ErrorKind::Usage, "demosaicing")
-            .found(format_args!("{method} for {geometry} pixels"))
-            .expected("at least 5x5 pixels")
-            .remedy("use bilinear, which supports every size"));
+        bail!(Usage, "demosaicing"; found "{method} for {geometry} pixels"; expected "at least 5x5 pixels";
+            remedy "use bilinear, which supports every size");
     }
     match method {
         Demosaic::Malvar => Ok(malvar(values, geometry, mosaic)),
@@ -137,12 +100,9 @@ fn bilinear(values: &[f32], geometry: Geometry, mosaic: &Mosaic) -> Result<Vec<f
     let (width, height, channels) = (geometry.width(), geometry.height(), mosaic.channels().len());
     let map = mosaic.channel_map(geometry);
     if let Some(missing) = (0..channels).find(|channel| !map.contains(channel)) {
-        return Err(Error::new(ErrorKind::Input, "mosaic")
-            .found(format_args!(
-                "no pixel of the channel {} in {geometry} pixels",
-                mosaic.channels()[missing].name
-            ))
-            .expected("an image that contains the whole pattern"));
+        bail!(Input, "mosaic";
+            found "no pixel of the channel {} in {geometry} pixels", mosaic.channels()[missing].name;
+            expected "an image that contains the whole pattern");
     }
     let reaches: Vec<usize> = (0..channels).map(|channel| reach(mosaic, channel)).collect();
     let mut out = vec![0.0; values.len() * channels];
@@ -185,20 +145,6 @@ fn local_mean(
     (total > 0.0).then(|| sum / total)
 }
 
-/// Returns index `i + offset` of a line of `len` pixels, reflected at the first and the last pixel. A reflection keeps
-/// the phase of a pattern of two pixels.
-pub(super) fn reflected(i: usize, offset: isize, len: usize) -> usize {
-    let at = i as isize + offset;
-    let last = len as isize - 1;
-    (if at < 0 {
-        -at
-    } else if at > last {
-        2 * last - at
-    } else {
-        at
-    }) as usize
-}
-
 fn malvar(values: &[f32], geometry: Geometry, mosaic: &Mosaic) -> Vec<f32> {
     let (width, height) = (geometry.width(), geometry.height());
     let mut out = Vec::with_capacity(3 * values.len());
@@ -235,6 +181,7 @@ fn malvar(values: &[f32], geometry: Geometry, mosaic: &Mosaic) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     /// Returns the values of a mosaic that samples an image of planes with `light(row, col, channel)`.
     fn sampled(geometry: Geometry, mosaic: &Mosaic, light: impl Fn(usize, usize, usize) -> f32) -> Vec<f32> {

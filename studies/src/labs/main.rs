@@ -23,6 +23,7 @@ use std::path::{Path, PathBuf};
 use assessment::{AssessmentOutcome, QUANTITIES, assess, assess_program};
 use lab::Laboratory;
 use rayon::prelude::*;
+use spikelane_studies::page::write_between_markers;
 
 const PAGE_MARKERS: [&str; 2] = ["<!-- begin: study-labs -->\n", "<!-- end: study-labs -->"];
 
@@ -70,7 +71,7 @@ fn main() {
     let tables = tables::all_tables(&verdicts);
     print!("{tables}");
     if let Some(file) = &arguments.report {
-        write(file, &tables);
+        write_between_markers(file, PAGE_MARKERS, &tables);
     }
 }
 
@@ -96,11 +97,4 @@ fn assess_laboratory(index: u64, program: &Path) -> (&'static str, AssessmentOut
         );
     }
     (lab.fault, verdict)
-}
-
-fn write(path: &Path, tables: &str) {
-    let page = std::fs::read_to_string(path).unwrap();
-    let (start, rest) = page.split_once(PAGE_MARKERS[0]).expect("the page's first mark");
-    let (_, end) = rest.split_once(PAGE_MARKERS[1]).expect("the page's last mark");
-    std::fs::write(path, format!("{start}{}{tables}{}{end}", PAGE_MARKERS[0], PAGE_MARKERS[1])).unwrap();
 }

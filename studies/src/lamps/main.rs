@@ -21,6 +21,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
+use spikelane_studies::page::write_between_markers;
 
 const PAGE_MARKERS: [&str; 2] = ["<!-- begin: study-lamps -->\n", "<!-- end: study-lamps -->"];
 
@@ -66,7 +67,7 @@ fn main() {
     let text = table::table(&outcomes);
     print!("{text}");
     if let Some(file) = &arguments.report {
-        write(file, &text);
+        write_between_markers(file, PAGE_MARKERS, &text);
     }
 }
 
@@ -77,12 +78,4 @@ fn read_records(path: &Path) -> BTreeMap<u64, Value> {
         Some((record["sensor"].as_u64()?, record["outcome"].clone()))
     };
     text.lines().filter_map(record).collect()
-}
-
-fn write(path: &Path, text: &str) {
-    let page = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let (start, rest) = page.split_once(PAGE_MARKERS[0]).expect("the page's first mark");
-    let (_, end) = rest.split_once(PAGE_MARKERS[1]).expect("the page's last mark");
-    let text = format!("{start}{}{text}{}{end}", PAGE_MARKERS[0], PAGE_MARKERS[1]);
-    std::fs::write(path, text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
 }

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use spikelane_studies::page::write_between_markers;
 use spikelane_studies::provenance::provenance;
 
 use coverage_support::{Coverage, HEIGHT, PATTERNS, READOUTS, Repetition, WIDTH, judge, recordings};
@@ -39,7 +40,7 @@ fn main() {
     );
     print!("{text}");
     if let Some(file) = report {
-        write(Path::new(&file), &text);
+        write_between_markers(Path::new(&file), PAGE_MARKERS, &text);
     }
 }
 
@@ -88,12 +89,4 @@ fn table(columns: &[Column; 2]) -> String {
         writeln!(text, "| `{key}` | {one} | {many} |").unwrap();
     }
     text
-}
-
-fn write(path: &Path, tables: &str) {
-    let page = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let [begin, end] =
-        PAGE_MARKERS.map(|mark| page.find(mark).unwrap_or_else(|| panic!("no {mark} in the page")));
-    let text = [&page[..begin + PAGE_MARKERS[0].len()], tables, &page[end..]].concat();
-    std::fs::write(path, text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
 }

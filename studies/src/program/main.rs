@@ -33,6 +33,7 @@ use std::time::Instant;
 use diagnose_job::{diagnose_job, smallest_strengths};
 use jobs::{SensorJob, jobs};
 use serde_json::Value;
+use spikelane_studies::page::write_between_markers;
 use spikelane_studies::provenance::provenance;
 
 /// Measured processor seconds per sensor: without a finding, and with a finding.
@@ -91,6 +92,7 @@ fn main() {
     if let Some(path) = args.table {
         write_between_markers(
             &path,
+            ["<!-- program: begin -->\n", "<!-- program: end -->"],
             &format!("Made on {}.\n\n{}", provenance(), table::table(&self::read_records(&args.records))),
         );
     }
@@ -142,15 +144,6 @@ fn args() -> Args {
         }
     }
     args
-}
-
-/// Writes the table between the markers of a page. If the page does not exist, it is created and contains only the table.
-fn write_between_markers(path: &std::path::Path, table: &str) {
-    let (begin, end) = ("<!-- program: begin -->\n", "<!-- program: end -->");
-    let page = std::fs::read_to_string(path).unwrap_or_else(|_| format!("{begin}{end}\n"));
-    let (before, rest) = page.split_once(begin).expect("a page with the markers of the table");
-    let (_, after) = rest.split_once(end).expect("a second marker");
-    std::fs::write(path, format!("{before}{begin}{table}{end}{after}")).unwrap();
 }
 
 fn read_records(path: &std::path::Path) -> Vec<Value> {

@@ -5,7 +5,7 @@ use std::sync::mpsc;
 
 use crate::formats::layouts::copy_bits;
 use crate::formats::{Codec, Layout, StreamReader, StreamSummary, StreamWriter};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail};
 use spikelane::spikes::{Crop, Geometry};
 use spikelane::unstable::Count;
 use spikelane::unstable::threads;
@@ -44,8 +44,8 @@ fn crop_frame(crop: Crop, geometry: Geometry, from: &[u8], to: &mut [u8]) {
 /// ```
 ///
 /// # Errors
-/// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream of `reader`.
-/// * [`ErrorKind::Usage`] if `writer` expects another geometry or number of readouts than the copied frames have.
+/// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the range or the crop exceeds the stream of `reader`.
+/// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `writer` expects another geometry or number of readouts than the copied frames have.
 /// * Errors of the reader, the writer and `progress`.
 pub fn convert(
     reader: &StreamReader,
@@ -59,9 +59,9 @@ pub fn convert(
     // A range beyond the end of the stream must fail before any frame is read.
     reader.frames(readouts.clone())?;
     if writer.geometry() != to || writer.readouts() != readouts.len() as u64 {
-        return Err(Error::new(ErrorKind::Usage, "output stream")
-            .found(format_args!("{} of {}", Count(writer.readouts(), "readout"), writer.geometry()))
-            .expected(format_args!("{} of {to}", Count(readouts.len(), "readout"))));
+        bail!(Usage, "output stream";
+            found "{} of {}", Count(writer.readouts(), "readout"), writer.geometry();
+            expected "{} of {to}", Count(readouts.len(), "readout"));
     }
     for_each_batch(reader, readouts, crop, |packed| {
         writer.write_frames(writer.written(), packed)?;
@@ -76,7 +76,7 @@ pub fn convert(
 /// `output` receives consecutive parts of the stream.
 ///
 /// # Errors
-/// * [`ErrorKind::Usage`] if the range is empty, if the range or the crop exceeds the stream, or if the layout does not
+/// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the range is empty, if the range or the crop exceeds the stream, or if the layout does not
 ///   support the geometry.
 /// * Errors of the reader and of `output`.
 pub fn convert_to(
@@ -103,7 +103,7 @@ pub fn convert_to(
 /// only this rectangle. While `take` processes a batch, a second thread reads the next batch.
 ///
 /// # Errors
-/// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream.
+/// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the range or the crop exceeds the stream.
 /// * Errors of the reader and of `take`.
 pub(super) fn for_each_batch(
     reader: &StreamReader,

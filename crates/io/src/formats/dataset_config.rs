@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Result, Setting, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::read_text_up_to;
 
@@ -22,7 +22,7 @@ const MAX_BYTES: u64 = 1 << 20;
 /// Files that lack `spike_w` or `spike_h` are skipped, because other programs also use the name `config.yaml`.
 ///
 /// # Errors
-/// [`ErrorKind::Config`] if the values of `spike_w` and `spike_h` are not a valid geometry.
+/// [`ErrorKind::Config`](spikelane::ErrorKind::Config) if the values of `spike_w` and `spike_h` are not a valid geometry.
 pub(super) fn find_above(stream: &Path) -> Result<Option<(Geometry, PathBuf)>> {
     let Ok(absolute) = std::path::absolute(stream) else { return Ok(None) };
     for folder in absolute.ancestors().skip(1).take(MAX_PARENT_FOLDERS) {
@@ -39,14 +39,9 @@ fn size(width: &str, height: &str, path: &Path) -> Result<Geometry> {
     let side = |text: &str| text.parse::<u32>().ok();
     let geometry = side(width).zip(side(height)).and_then(|(w, h)| Geometry::new(w, h).ok());
     geometry.ok_or_else(|| {
-        Error::new(ErrorKind::Config, path.display())
-            .found(format_args!("spike_w: {width}, spike_h: {height}"))
-            .expected("width and height in pixels")
-            .remedy(format_args!(
-                "correct the file; to ignore the file, set {} and {}",
-                Setting("width"),
-                Setting("height")
-            ))
+        error!(Config, "{}", path.display(); found "spike_w: {width}, spike_h: {height}";
+            expected "width and height in pixels";
+            remedy "correct the file; to ignore the file, set {} and {}", Setting("width"), Setting("height"))
     })
 }
 
@@ -62,6 +57,7 @@ fn value<'a>(text: &'a str, key: &str) -> Option<&'a str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spikelane::ErrorKind;
 
     #[test]
     fn the_nearest_configuration_with_both_keys_counts() {

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::formats::convert::for_each_batch;
 use crate::formats::{Crop, StreamReader, StreamSummary};
 use crate::storage::{Digest, FileWriter};
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Result, Setting, bail};
 use spikelane::spikes::{self, firing_pixels};
 use spikelane::unstable::npy::{self, Element};
 
@@ -40,8 +40,8 @@ pub const EVENTS_LAYOUT: &str = "events";
 /// ```
 ///
 /// # Errors
-/// * [`ErrorKind::Usage`] if the range or the crop exceeds the stream, or if the number of readouts exceeds 2^31 - 1.
-/// * [`ErrorKind::Exists`], [`ErrorKind::Space`] and the other file errors of
+/// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the range or the crop exceeds the stream, or if the number of readouts exceeds 2^31 - 1.
+/// * [`ErrorKind::Exists`](spikelane::ErrorKind::Exists), [`ErrorKind::Space`](spikelane::ErrorKind::Space) and the other file errors of
 ///   [`StreamWriter::create`](super::StreamWriter::create).
 /// * Errors of the reader and of `progress`.
 pub fn write_events(
@@ -54,10 +54,9 @@ pub fn write_events(
 ) -> Result<StreamSummary> {
     let geometry = crop.map_or(Ok(reader.geometry()), |c| c.geometry(reader.geometry()))?;
     if i32::try_from(readouts.len()).is_err() {
-        return Err(Error::new(ErrorKind::Usage, "readouts")
-            .found(readouts.len())
-            .expected("at most 2147483647 readouts in a list of events")
-            .remedy(format_args!("select a part of the readouts with {}", Setting("readouts"))));
+        bail!(Usage, "readouts"; found "{}", readouts.len();
+            expected "at most 2147483647 readouts in a list of events";
+            remedy "select a part of the readouts with {}", Setting("readouts"));
     }
     let mut count = 0;
     for_each_batch(reader, readouts.clone(), crop, |packed| {

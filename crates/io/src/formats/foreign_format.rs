@@ -4,7 +4,7 @@
 //! signature has at least four bytes. If the caller names a layout, text files and files with signatures shorter than
 //! eight bytes are accepted.
 
-use spikelane::error::{Error, ErrorKind};
+use spikelane::error::{Error, error};
 use spikelane::unstable::npy::MAGIC as ARRAY_MAGIC;
 
 use crate::ARCHIVE_MAGIC;
@@ -115,10 +115,8 @@ impl ForeignFormat {
 
     /// Returns the error that rejects the file `name`.
     pub(super) fn to_error(self, name: &str) -> Error {
-        Error::new(ErrorKind::Input, name)
-            .found(self.name)
-            .expected("a spike stream: .dat, .npy or .npz")
-            .remedy(self.remedy.replace("FILE", name))
+        error!(Input, "{name}"; found "{}", self.name; expected "a spike stream: .dat, .npy or .npz";
+            remedy "{}", self.remedy.replace("FILE", name))
     }
 }
 

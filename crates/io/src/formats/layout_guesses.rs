@@ -8,7 +8,7 @@
 
 use crate::formats::layouts::{self, ReadoutAxis};
 use crate::formats::{Codec, GeometryOrigin, Layout, StreamReader, size};
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Result, Setting, error};
 use spikelane::spikes::{Geometry, bit};
 use spikelane::unstable::inputs;
 
@@ -128,8 +128,8 @@ impl StreamReader {
     /// the stream.
     ///
     /// # Errors
-    /// * [`ErrorKind::Input`] if the file was truncated after the stream was opened.
-    /// * [`ErrorKind::Io`] if the file cannot be read.
+    /// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the file was truncated after the stream was opened.
+    /// * [`ErrorKind::Io`](spikelane::ErrorKind::Io) if the file cannot be read.
     pub fn layout_guesses(&self) -> Result<LayoutGuesses> {
         let map = self.rate_map()?;
         let rows = map.row_correlation();
@@ -312,7 +312,7 @@ impl StreamReader {
 /// Rejects an `npy-bytes` array in which each byte contains eight pixels.
 ///
 /// # Errors
-/// * [`ErrorKind::Input`] if more than 10 % of the nonzero bytes are neither 1 nor 255.
+/// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) if more than 10 % of the nonzero bytes are neither 1 nor 255.
 /// * Errors of reading the file.
 pub(super) fn refuse_packed(reader: &StreamReader) -> Result<()> {
     let (mut lit, mut spikes, mut value) = (0u64, 0u64, None);
@@ -346,8 +346,6 @@ pub(super) fn refuse_packed(reader: &StreamReader) -> Result<()> {
     } else {
         format!("set {layout} to npy-bits-msb (numpy.packbits) or npy-bits (bitorder='little')")
     };
-    Err(Error::new(ErrorKind::Input, reader.name())
-        .found(format_args!("bytes such as {value}, which are packed bits or light"))
-        .expected("0 and 1, or 0 and 255")
-        .remedy(format_args!("{remedy}; simulate an array of light first")))
+    Err(error!(Input, "{}", reader.name(); found "bytes such as {value}, which are packed bits or light";
+        expected "0 and 1, or 0 and 255"; remedy "{remedy}; simulate an array of light first"))
 }

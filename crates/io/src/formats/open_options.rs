@@ -9,7 +9,7 @@ use crate::formats::reader::StreamReader;
 use crate::formats::sidecar::SidecarFacts;
 use crate::formats::source::{ByteSource, FrameOffsets};
 use crate::formats::{Codec, Layout, dataset_config, foreign_format, layout_guesses, sidecar, size};
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, Result, Setting, bail, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
 use spikelane::unstable::inputs::InputFile;
@@ -93,10 +93,10 @@ impl OpenOptions {
     /// ignores the partial readout. [`StreamReader::warnings`] reports the bytes of the partial readout.
     ///
     /// # Errors
-    /// * [`ErrorKind::Input`] if the file is empty, is not a stream or does not match the requested geometry.
-    /// * [`ErrorKind::Usage`] if the geometry or the order of axes cannot be determined.
-    /// * [`ErrorKind::Config`] if a required sidecar is invalid.
-    /// * [`ErrorKind::Io`] if the file cannot be read.
+    /// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the file is empty, is not a stream or does not match the requested geometry.
+    /// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the geometry or the order of axes cannot be determined.
+    /// * [`ErrorKind::Config`](spikelane::ErrorKind::Config) if a required sidecar is invalid.
+    /// * [`ErrorKind::Io`](spikelane::ErrorKind::Io) if the file cannot be read.
     pub fn open(&self, path: &Path) -> Result<StreamReader> {
         let source = ByteSource::open(path)?;
         let head = source.head()?;
@@ -184,10 +184,8 @@ impl ReaderBuilder<'_> {
         }
         let arrays = wanted.is_none_or(Layout::is_array);
         if let Some(key) = self.options.key.as_ref().filter(|_| !head.starts_with(layouts::ARCHIVE_MAGIC)) {
-            return Err(Error::new(ErrorKind::Usage, &self.name)
-                .found(format_args!("the array name '{key}' for a file that is not an archive"))
-                .expected("an .npz archive")
-                .remedy(format_args!("omit {}", Setting("key"))));
+            bail!(Usage, "{}", self.name; found "the array name '{key}' for a file that is not an archive";
+                expected "an .npz archive"; remedy "omit {}", Setting("key"));
         }
         let is_npz = head.starts_with(layouts::ARCHIVE_MAGIC);
         let (is_npy, begins_as_npy) = (is_array(&head), head.starts_with(npy::MAGIC));
@@ -198,10 +196,9 @@ impl ReaderBuilder<'_> {
             self.open_array(source, wanted)
         } else if is_npy || is_npz && ends_as_archive(&source)? {
             let what = if is_npy { "a NumPy array, with a header" } else { "a zip archive, such as .npz" };
-            Err(Error::new(ErrorKind::Input, &self.name)
-                .found(what)
-                .expected(format_args!("a headerless file of layout {}", wanted.unwrap_or_default()))
-                .remedy(format_args!("omit {}", Setting("layout"))))
+            Err(error!(Input, "{}", self.name; found "{what}";
+                expected "a headerless file of layout {}", wanted.unwrap_or_default();
+                remedy "omit {}", Setting("layout")))
         } else {
             self.open_headerless(source, wanted.unwrap_or_default())
         }?;
@@ -224,10 +221,9 @@ impl ReaderBuilder<'_> {
         let Some(expected) = self.facts.readouts.filter(|_| same) else { return Ok(()) };
         let numbered = reader.numbered_readouts() as u64;
         if numbered > expected {
-            return Err(Error::new(ErrorKind::Input, &self.name)
-                .found(Count(numbered, "readout"))
-                .expected(format_args!("{expected}, as stated in the sidecar"))
-                .remedy("the stream file does not belong to the sidecar; check both files"));
+            bail!(Input, "{}", self.name; found "{}", Count(numbered, "readout");
+                expected "{expected}, as stated in the sidecar";
+                remedy "the stream file does not belong to the sidecar; check both files");
         }
         if numbered < expected {
             reader.warn(format!(
@@ -310,14 +306,9 @@ impl ReaderBuilder<'_> {
         let claims = array.data_bytes().unwrap_or(u64::MAX);
         let readouts = (data as u64).min(claims) / codec.frame_bytes() as u64;
         if readouts == 0 || claims < data as u64 {
-            return Err(Error::new(ErrorKind::Input, &self.name)
-                .found(format_args!("{} after the header", Count(data, "byte")))
-                .expected(format_args!(
-                    "{}, at least one frame, for the shape {:?} in the header",
-                    Count(claims, "byte"),
-                    array.shape,
-                ))
-                .remedy("the file is truncated or still being written"));
+            bail!(Input, "{}", self.name; found "{} after the header", Count(data, "byte");
+                expected "{}, at least one frame, for the shape {:?} in the header", Count(claims, "byte"), array.shape;
+                remedy "the file is truncated or still being written");
         }
         let trailing = data - readouts as usize * codec.frame_bytes();
         let mut reader = StreamReader::new(source, &self.name, layout, codec, readouts as usize, origin);
@@ -346,16 +337,10 @@ impl ReaderBuilder<'_> {
     ) -> Result<StreamReader> {
         let axes = if let ArrayContent::Pixels(axes) = meaning { axes } else { ReadoutAxis::First };
         if array.data_bytes().is_none_or(|n| n != (source.len() - array.data_offset_bytes) as u64) {
-            return Err(Error::new(ErrorKind::Input, &self.name)
-                .found(format_args!(
-                    "{} after the header",
-                    Count(source.len() - array.data_offset_bytes, "byte"),
-                ))
-                .expected(format_args!(
-                    "as many bytes as the shape {:?} of {} requires",
-                    array.shape, array.element
-                ))
-                .remedy("the file is truncated or still being written"));
+            bail!(Input, "{}", self.name;
+                found "{} after the header", Count(source.len() - array.data_offset_bytes, "byte");
+                expected "as many bytes as the shape {:?} of {} requires", array.shape, array.element;
+                remedy "the file is truncated or still being written");
         }
         let mut data = source.reader();
         let skipped = data.seek(SeekFrom::Start(array.data_offset_bytes as u64));
@@ -417,11 +402,8 @@ fn no_frame_error(name: &str, codec: &Codec, bytes: usize) -> Error {
     if bytes < codec.frame_bytes() {
         return size::size_mismatch_error(name, codec, bytes);
     }
-    Error::new(ErrorKind::Input, name)
-        .found(format_args!(
-            "{} without a frame near the start whose first tag is (line 500, channel 0)",
-            Count(bytes, "byte"),
-        ))
-        .expected("layout rows1024 of the 1000x1000 camera, with 128000 bytes per frame")
-        .remedy(format_args!("check {}; frames of 125000 bytes have layout dat", Setting("layout")))
+    error!(Input, "{name}";
+        found "{} without a frame near the start whose first tag is (line 500, channel 0)", Count(bytes, "byte");
+        expected "layout rows1024 of the 1000x1000 camera, with 128000 bytes per frame";
+        remedy "check {}; frames of 125000 bytes have layout dat", Setting("layout"))
 }

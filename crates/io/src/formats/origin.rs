@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use spikelane::error::{Error, ErrorKind};
+use spikelane::unstable::named_variants;
 
 /// How the reader handles frames that are missing in a recording.
 ///
@@ -23,20 +23,7 @@ pub enum MissingFrames {
     Drop,
 }
 
-impl std::str::FromStr for MissingFrames {
-    type Err = Error;
-
-    /// Parses `mark` or `drop`.
-    fn from_str(text: &str) -> Result<Self, Error> {
-        match text {
-            "mark" => Ok(Self::Mark),
-            "drop" => Ok(Self::Drop),
-            _ => Err(Error::new(ErrorKind::Usage, "missing frames")
-                .found(format_args!("`{text}`"))
-                .expected("mark or drop")),
-        }
-    }
-}
+named_variants!(MissingFrames, "missing frames" { Mark = "mark", Drop = "drop" });
 
 /// The source from which the geometry of a stream was determined.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use super::origin::{GeometryOrigin, MissingFrames};
 use super::source::{BufferPool, ByteSource, FrameOffsets};
 use crate::formats::{Codec, Layout};
 use crate::storage::READ_BYTES;
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, Result, Setting, bail};
 use spikelane::spikes::{Geometry, SpikeFrames};
 use spikelane::unstable::Count;
 
@@ -217,7 +217,7 @@ impl StreamReader {
     /// ```
     ///
     /// # Errors
-    /// As [`read_frames`](Self::read_frames). Also [`ErrorKind::Memory`] if the system cannot allocate the memory.
+    /// As [`read_frames`](Self::read_frames). Also [`ErrorKind::Memory`](spikelane::ErrorKind::Memory) if the system cannot allocate the memory.
     pub fn read(&self, readouts: Range<usize>) -> Result<SpikeFrames> {
         self.check(&readouts)?;
         let mut frames = SpikeFrames::zeros(self.geometry(), readouts.len())?;
@@ -239,11 +239,10 @@ impl StreamReader {
     /// ```
     ///
     /// # Errors
-    /// As [`read`](Self::read). [`ErrorKind::Usage`] if readout `at` is not in the stream.
+    /// As [`read`](Self::read). [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if readout `at` is not in the stream.
     pub fn read_around(&self, at: usize, half: usize) -> Result<(SpikeFrames, usize)> {
         if at >= self.readouts {
-            return Err(Error::new(ErrorKind::Usage, format_args!("readout {at}"))
-                .expected(format_args!("less than {}, the length of {}", self.readouts, self.name)));
+            bail!(Usage, "readout {at}"; expected "less than {}, the length of {}", self.readouts, self.name);
         }
         let first = at.saturating_sub(half);
         let end = at.saturating_add(half).saturating_add(1).min(self.readouts);
@@ -256,9 +255,8 @@ impl StreamReader {
     /// As [`read_frames`](Self::read_frames).
     pub fn read_frame(&self, i: usize, packed: &mut [u8]) -> Result<()> {
         if packed.len() != self.geometry().frame_bytes() {
-            return Err(Error::new(ErrorKind::Usage, "frame buffer")
-                .found(Count(packed.len(), "byte"))
-                .expected(format_args!("{}", self.geometry().frame_bytes())));
+            bail!(Usage, "frame buffer"; found "{}", Count(packed.len(), "byte");
+                expected "{}", self.geometry().frame_bytes());
         }
         self.read_frames(i, packed)
     }
@@ -266,9 +264,9 @@ impl StreamReader {
     /// Fills `packed` with consecutive packed frames, starting at readout `first`.
     ///
     /// # Errors
-    /// * [`ErrorKind::Usage`] if a requested frame is not in the stream, or if the length of `packed` is not a whole
+    /// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if a requested frame is not in the stream, or if the length of `packed` is not a whole
     ///   number of frames.
-    /// * [`ErrorKind::Input`] as in [`Layout::decode_frame`].
+    /// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) as in [`Layout::decode_frame`].
     pub fn read_frames(&self, first: usize, packed: &mut [u8]) -> Result<()> {
         let size = self.geometry().frame_bytes();
         let end = first.saturating_add(packed.len() / size);
@@ -344,9 +342,8 @@ impl StreamReader {
 
     pub(super) fn check(&self, readouts: &Range<usize>) -> Result<()> {
         if readouts.start > readouts.end || readouts.end > self.readouts {
-            return Err(Error::new(ErrorKind::Usage, &self.name)
-                .found(format_args!("readouts {}..{}", readouts.start, readouts.end))
-                .expected(format_args!("a range within 0..{}", self.readouts)));
+            bail!(Usage, "{}", self.name; found "readouts {}..{}", readouts.start, readouts.end;
+                expected "a range within 0..{}", self.readouts);
         }
         Ok(())
     }

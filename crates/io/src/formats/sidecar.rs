@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use crate::formats::writer::sidecar_path;
 use crate::formats::{EVENTS_LAYOUT, Layout};
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, Result, Setting, bail, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::{Access, MAX_TEXT_BYTES, check_link, not_found_as_none, read_bytes};
 
@@ -38,8 +38,8 @@ pub(super) fn read_beside(path: &Path) -> Result<SidecarFacts> {
 /// Returns the path of the sidecar beside a stream, or `None` if there is no sidecar.
 ///
 /// # Errors
-/// * [`ErrorKind::Io`] if the system cannot find out whether there is a sidecar.
-/// * [`ErrorKind::Input`] if the sidecar is a symbolic link to a file in another folder, because the user did not name
+/// * [`ErrorKind::Io`](spikelane::ErrorKind::Io) if the system cannot find out whether there is a sidecar.
+/// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the sidecar is a symbolic link to a file in another folder, because the user did not name
 ///   that file. If the stream is a symbolic link, the folder of its target is also allowed.
 pub fn find_sidecar(stream: &Path) -> Result<Option<PathBuf>> {
     let mut found = None;
@@ -92,15 +92,9 @@ fn read(path: &Path, stream: &Path) -> Result<SidecarFacts> {
 /// Parses the text of the sidecar `name` of `stream`.
 pub(super) fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFacts> {
     let bad = |found: String| {
-        Error::new(ErrorKind::Config, name)
-            .found(found)
-            .expected("a JSON object with width, height, layout, readouts")
-            .remedy(format_args!(
-                "set {}, {} and {} to ignore the sidecar",
-                Setting("width"),
-                Setting("height"),
-                Setting("layout")
-            ))
+        error!(Config, "{name}"; found "{found}";
+            expected "a JSON object with width, height, layout, readouts";
+            remedy "set {}, {} and {} to ignore the sidecar", Setting("width"), Setting("height"), Setting("layout"))
     };
     let keys: SidecarKeys = serde_json::from_slice(text).map_err(|e| bad(e.to_string()))?;
     let geometry = match (keys.width, keys.height) {
@@ -111,10 +105,8 @@ pub(super) fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFac
         _ => return Err(bad("only one of width and height".into())),
     };
     if keys.layout.as_deref() == Some(EVENTS_LAYOUT) {
-        return Err(Error::new(ErrorKind::Input, stream.display())
-            .found("a list of events, as stated in the sidecar")
-            .expected("a stream of frames")
-            .remedy("select the stream from which the list was made"));
+        bail!(Input, "{}", stream.display(); found "a list of events, as stated in the sidecar";
+            expected "a stream of frames"; remedy "select the stream from which the list was made");
     }
     let layout = match keys.layout {
         Some(name) => Some(Layout::parse(&name).map_err(|_| bad(format!("layout '{name}'")))?),
@@ -132,6 +124,7 @@ pub(super) fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFac
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spikelane::ErrorKind;
 
     #[test]
     fn unknown_keys_are_left_alone_and_wrong_ones_refused() {

@@ -1,7 +1,7 @@
 //! Checks that a headerless file contains whole frames, and lists other frame sizes that match the file length.
 
 use crate::formats::{Codec, Layout};
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, Result, Setting, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
 
@@ -42,7 +42,7 @@ pub(super) fn whole_readouts(
 /// Returns the error for a file whose length is not a whole number of frames.
 pub(super) fn size_mismatch_error(name: &str, codec: &Codec, data: usize) -> Error {
     let frame = codec.frame_bytes();
-    let error = Error::new(ErrorKind::Input, name);
+    let error = error!(Input, "{name}");
     let error = if data == 0 {
         error.found("an empty file, 0 bytes")
     } else {
@@ -65,13 +65,9 @@ pub(super) fn size_mismatch_error(name: &str, codec: &Codec, data: usize) -> Err
 
 /// Returns the error for a file whose frame size cannot be determined.
 pub(super) fn unknown_size_error(name: &str, data: usize) -> Error {
-    Error::new(ErrorKind::Usage, name)
-        .found(format_args!(
-            "{}, and neither a sidecar nor a config.yaml with width and height",
-            Count(data, "byte"),
-        ))
-        .expected("width and height of the camera")
-        .remedy(remedy(data, None))
+    error!(Usage, "{name}";
+        found "{}, and neither a sidecar nor a config.yaml with width and height", Count(data, "byte");
+        expected "width and height of the camera"; remedy "{}", remedy(data, None))
 }
 
 fn remedy(data: usize, tried: Option<Codec>) -> String {

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 use crate::storage::READ_BYTES;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, error};
 use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, InputFile};
 
@@ -35,12 +35,11 @@ impl ByteSource {
     /// Uses an open file.
     ///
     /// # Errors
-    /// [`ErrorKind::Input`] if the file length does not fit in `usize`.
+    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the file length does not fit in `usize`.
     pub(super) fn from_file(file: InputFile) -> Result<Self> {
         let len = usize::try_from(file.len()).map_err(|_| {
-            Error::new(ErrorKind::Input, file.path().display())
-                .found(Count(file.len(), "byte"))
-                .expected(format_args!("at most {}", usize::MAX))
+            error!(Input, "{}", file.path().display(); found "{}", Count(file.len(), "byte");
+                expected "at most {}", usize::MAX)
         })?;
         Ok(Self::File { file, len })
     }
@@ -77,7 +76,7 @@ impl ByteSource {
     /// Returns the bytes of `range`, which must be inside the source.
     ///
     /// # Errors
-    /// As [`InputFile::read_at`], and [`ErrorKind::Memory`] if the buffer cannot be allocated.
+    /// As [`InputFile::read_at`], and [`ErrorKind::Memory`](spikelane::ErrorKind::Memory) if the buffer cannot be allocated.
     pub(super) fn bytes(&self, range: Range<usize>) -> Result<Cow<'_, [u8]>> {
         match self {
             Self::File { file, .. } => {
@@ -119,7 +118,7 @@ impl BufferPool {
     /// Calls `work` with a buffer of `len` bytes whose content is unspecified.
     ///
     /// # Errors
-    /// [`ErrorKind::Memory`] if the buffer cannot be allocated; otherwise errors of `work`.
+    /// [`ErrorKind::Memory`](spikelane::ErrorKind::Memory) if the buffer cannot be allocated; otherwise errors of `work`.
     pub(super) fn with_buffer<T>(&self, len: usize, work: impl FnOnce(&mut [u8]) -> Result<T>) -> Result<T> {
         let mut buffer = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
         if buffer.len() < len {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::formats::{Codec, Layout};
 use crate::storage::{Digest, FileWriter};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail};
 use spikelane::spikes::{self, Geometry};
 use spikelane::unstable::Count;
 use spikelane::unstable::threads;
@@ -77,9 +77,9 @@ impl StreamWriter {
     /// ```
     ///
     /// # Errors
-    /// * [`ErrorKind::Usage`] if `readouts` is 0 or the layout does not support the geometry.
-    /// * [`ErrorKind::Exists`] if the file exists and `force` is false.
-    /// * [`ErrorKind::Space`] if the disk is full, and other errors of the system.
+    /// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `readouts` is 0 or the layout does not support the geometry.
+    /// * [`ErrorKind::Exists`](spikelane::ErrorKind::Exists) if the file exists and `force` is false.
+    /// * [`ErrorKind::Space`](spikelane::ErrorKind::Space) if the disk is full, and other errors of the system.
     pub fn create(
         path: &Path,
         layout: Layout,
@@ -89,9 +89,7 @@ impl StreamWriter {
     ) -> Result<Self> {
         let codec = Codec::new(layout, geometry)?;
         if readouts == 0 {
-            return Err(Error::new(ErrorKind::Usage, path.display())
-                .found("zero readouts")
-                .expected("at least one readout"));
+            bail!(Usage, "{}", path.display(); found "zero readouts"; expected "at least one readout");
         }
         let bytes = layout.file_bytes(geometry, readouts)?;
         let mut writer = FileWriter::create(path, bytes, force)?;
@@ -167,10 +165,9 @@ impl StreamWriter {
         // Headers are padded to a multiple of a fixed length. The old and the new header therefore have the same
         // length for every stream that fits on a disk.
         if header.len() as u64 != self.start {
-            return Err(Error::new(ErrorKind::Usage, self.writer.path().display())
-                .found(format_args!("a header of {}", Count(header.len(), "byte")))
-                .expected(format_args!("{}, as reserved", self.start))
-                .remedy("set the number of readouts"));
+            bail!(Usage, "{}", self.writer.path().display();
+                found "a header of {}", Count(header.len(), "byte"); expected "{}, as reserved", self.start;
+                remedy "set the number of readouts");
         }
         self.writer.window(0, header.len())?.copy_from_slice(&header);
         self.recompute_digest()
@@ -218,7 +215,7 @@ impl StreamWriter {
     /// in order, because the digest is computed while writing.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if `first` differs from [`written`](Self::written), if the length of `packed` is not a
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `first` differs from [`written`](Self::written), if the length of `packed` is not a
     /// whole number of frames, or if `packed` contains more frames than remain to be written.
     pub fn write_frames(&mut self, first: u64, packed: &[u8]) -> Result<()> {
         let size = self.geometry().frame_bytes();
@@ -228,14 +225,9 @@ impl StreamWriter {
         }
         let fits = packed.len().is_multiple_of(size) && frames <= self.readouts - self.written;
         if first != self.written || !fits {
-            return Err(Error::new(ErrorKind::Usage, self.writer.path().display())
-                .found(format_args!("{} from readout {first} on", Count(packed.len(), "byte")))
-                .expected(format_args!(
-                    "frames of {} for readouts {}..{}, in order",
-                    Count(size, "byte"),
-                    self.written,
-                    self.readouts,
-                )));
+            bail!(Usage, "{}", self.writer.path().display();
+                found "{} from readout {first} on", Count(packed.len(), "byte");
+                expected "frames of {} for readouts {}..{}, in order", Count(size, "byte"), self.written, self.readouts);
         }
         let piece = if self.is_packed_layout() { PIECE_BYTES } else { CONCURRENT_PIECE_BYTES };
         let step = (piece / self.codec.frame_bytes()).max(1);
@@ -276,16 +268,15 @@ impl StreamWriter {
     /// Syncs the stream to the disk and renames it to its final name.
     ///
     /// # Errors
-    /// * [`ErrorKind::Usage`] if some frames were not written. The incomplete file is then removed.
+    /// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if some frames were not written. The incomplete file is then removed.
     /// * Errors of the operating system when the file is synced or renamed.
     pub fn finish(mut self) -> Result<StreamSummary> {
         if self.is_growing && self.written > 0 {
             self.trim_to_written()?;
         }
         if self.written != self.readouts {
-            return Err(Error::new(ErrorKind::Usage, self.writer.path().display())
-                .found(Count(self.written, "frame"))
-                .expected(format_args!("{} before the end", Count(self.readouts, "frame"))));
+            bail!(Usage, "{}", self.writer.path().display(); found "{}", Count(self.written, "frame");
+                expected "{} before the end", Count(self.readouts, "frame"));
         }
         // The sidecar of the replaced stream must be removed before the new stream has its final name. Otherwise a
         // reader could use the old sidecar for the new stream.

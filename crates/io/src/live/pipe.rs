@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::live::sink::{Delivery, OverflowPolicy, Sink, StopFlag, wait_for};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, error};
 
 /// Maximum time that `finish` waits for a consumer after the user requested a stop.
 const STOP_TIMEOUT: Duration = Duration::from_millis(500);
@@ -52,7 +52,7 @@ impl PipeSink {
             {
                 Err(Error::io(&self.description, e))
             }
-            Some(Err(_)) => Err(Error::new(ErrorKind::Io, &self.description).found("a thread that ended")),
+            Some(Err(_)) => Err(error!(Io, "{}", self.description; found "a thread that ended")),
             _ => Ok(Delivery::Closed),
         }
     }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering, fence};
 use crate::formats::{Codec, Layout};
 use crate::live::sink::{Delivery, OverflowPolicy, Sink, StopFlag, wait_for};
 use crate::storage::SharedMemory;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
 
@@ -48,7 +48,7 @@ impl RingWriter {
     /// `readout_hz`.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if `slots` is 0 or too large. Otherwise as [`SharedMemory::create`].
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `slots` is 0 or too large. Otherwise as [`SharedMemory::create`].
     pub fn create(
         path: &Path,
         codec: &Codec,
@@ -61,9 +61,8 @@ impl RingWriter {
         let slot_words = 1 + frame_bytes.div_ceil(8);
         let words = usize::try_from(slots).ok().filter(|&n| n > 0).and_then(|n| n.checked_mul(slot_words));
         let words = words.filter(|&n| n <= 1 << 40).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, path.display())
-                .found(Count(slots, "slot"))
-                .expected("at least one slot, and no more than fit in memory")
+            error!(Usage, "{}", path.display(); found "{}", Count(slots, "slot");
+                expected "at least one slot, and no more than fit in memory")
         })?;
         let shared = SharedMemory::create(path, HEADER_WORDS + words)?;
         let put = |at: usize, value: u64| shared.words()[at].store(value, Ordering::Relaxed);
@@ -154,12 +153,10 @@ impl RingReader {
     /// Opens the ring at `path`. Reading starts at the oldest readout in the ring.
     ///
     /// # Errors
-    /// [`ErrorKind::Input`] if the file is not a ring or is not ready yet.
+    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the file is not a ring or is not ready yet.
     pub fn open(path: &Path) -> Result<Self> {
         let shared = SharedMemory::open(path)?;
-        let bad = |found: &dyn std::fmt::Display| {
-            Error::new(ErrorKind::Input, path.display()).found(found).expected("a ring of readouts, SPKRING1")
-        };
+        let bad = |found: &dyn std::fmt::Display| error!(Input, "{}", path.display(); found "{found}"; expected "a ring of readouts, SPKRING1");
         let words = shared.words();
         if words.len() < HEADER_WORDS || words[0].load(Ordering::Acquire) != MAGIC.to_le() {
             return Err(bad(&"other data, or a ring whose header is not complete"));
@@ -221,13 +218,11 @@ impl RingReader {
     /// continue.
     ///
     /// # Errors
-    /// * [`ErrorKind::Usage`] if the length of `frame` is not [`RingReader::frame_bytes`].
-    /// * [`ErrorKind::Io`] if another process truncated the ring.
+    /// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the length of `frame` is not [`RingReader::frame_bytes`].
+    /// * [`ErrorKind::Io`](spikelane::ErrorKind::Io) if another process truncated the ring.
     pub fn next(&mut self, frame: &mut [u8]) -> Result<RingRead> {
         if frame.len() != self.frame_bytes {
-            return Err(Error::new(ErrorKind::Usage, "frame")
-                .found(Count(frame.len(), "byte"))
-                .expected(self.frame_bytes));
+            bail!(Usage, "frame"; found "{}", Count(frame.len(), "byte"); expected "{}", self.frame_bytes);
         }
         let words = self.shared.words();
         let slot_words = 1 + self.frame_bytes.div_ceil(8);

@@ -7,7 +7,7 @@ use crate::live::delivery_rate::{DeliveryRate, LiveSummary};
 use crate::live::lookahead::Lookahead;
 use crate::live::sink::{Sink, StopFlag};
 use crate::simulate::ReadoutStream;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail};
 use spikelane::unstable::threads;
 
 /// Encodes the readouts of `source` with `codec` and passes them to `sink` at the rate of a camera.
@@ -19,7 +19,7 @@ use spikelane::unstable::threads;
 /// readout begins at time 0 of this clock. The calling thread calls `progress` with the number of elapsed readouts.
 ///
 /// # Errors
-/// * [`ErrorKind::Usage`] if the rate is invalid.
+/// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the rate is invalid.
 /// * Errors of the source, the sink and `progress`.
 /// * An error if the system cannot start a thread.
 pub fn run<C: Clock + Clone + Send>(
@@ -32,9 +32,9 @@ pub fn run<C: Clock + Clone + Send>(
     progress: &mut dyn FnMut(u64) -> Result<()>,
 ) -> Result<LiveSummary> {
     if !(rate.readout_hz.is_finite() && rate.readout_hz > 0.0) || rate.burst_readouts == 0 {
-        return Err(Error::new(ErrorKind::Usage, "delivery_rate")
-            .found(format_args!("{} readouts per second, {} at a time", rate.readout_hz, rate.burst_readouts))
-            .expected("positive numbers"));
+        bail!(Usage, "delivery_rate";
+            found "{} readouts per second, {} at a time", rate.readout_hz, rate.burst_readouts;
+            expected "positive numbers");
     }
     let (there, back) = BurstChannel::new();
     let mut ahead = Lookahead::new(source, codec, rate, there);

@@ -1,11 +1,11 @@
 //! Destinations of live readouts.
 
-use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::Result;
+use spikelane::unstable::named_variants;
 
 /// What a sink does with readouts if the consumer is too slow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,20 +17,7 @@ pub enum OverflowPolicy {
     Block,
 }
 
-impl FromStr for OverflowPolicy {
-    type Err = Error;
-
-    /// Parses `drop` or `block`.
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "drop" => Ok(Self::Drop),
-            "block" => Ok(Self::Block),
-            _ => Err(Error::new(ErrorKind::Usage, "overflow policy")
-                .found(format_args!("`{text}`"))
-                .expected("drop or block")),
-        }
-    }
-}
+named_variants!(OverflowPolicy, "overflow policy" { Drop = "drop", Block = "block" });
 
 /// The outcome of a delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,7 +7,7 @@
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 
 use crate::formats::StreamWriter;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, error};
 use spikelane::unstable::threads;
 
 /// Number of buffers. One buffer is being filled, one is waiting in the queue, and one is being written.
@@ -58,7 +58,7 @@ fn append(stream: &mut StreamWriter, packed: &[u8]) -> Result<()> {
 /// Returns a placeholder error for a writer thread that has ended. [`with_writer`] replaces the placeholder with the
 /// error of the writer thread.
 fn thread_ended_error() -> Error {
-    Error::new(ErrorKind::Io, "writing").found("a thread that ended")
+    error!(Io, "writing"; found "a thread that ended")
 }
 
 /// Calls `work` with a writer for `streams`. If `in_background` is true and the system can start a thread, a separate

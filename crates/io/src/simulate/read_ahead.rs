@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::light::{Frame, Rate, Source};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::threads;
 
@@ -41,7 +41,7 @@ enum FrameFeed {
 }
 
 impl ReadAhead {
-    /// Starts reading. If `stop` becomes true, the next call of `next_frame` fails with [`ErrorKind::Interrupted`].
+    /// Starts reading. If `stop` becomes true, the next call of `next_frame` fails with [`ErrorKind::Interrupted`](spikelane::ErrorKind::Interrupted).
     #[must_use]
     pub fn new(source: Box<dyn Source>, stop: Arc<AtomicBool>) -> Self {
         let (geometry, count, rate) = (source.geometry(), source.frames(), source.rate());
@@ -90,7 +90,7 @@ impl Source for ReadAhead {
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
         while !self.has_ended {
             if self.stop.load(Ordering::Relaxed) {
-                return Err(Error::new(ErrorKind::Interrupted, "reading light").found("a request to stop"));
+                bail!(Interrupted, "reading light"; found "a request to stop");
             }
             let frames = match &mut self.frames {
                 FrameFeed::Thread(frames) => frames,

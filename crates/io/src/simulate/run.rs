@@ -14,7 +14,7 @@ use crate::simulate::feed::{self, LightFeeder, LightPiece};
 use crate::simulate::reference::light_tap::{LightSample, LightSampler, LightTap};
 use crate::storage;
 use spikelane::effects::Camera;
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Result, Setting, bail, error};
 use spikelane::simulate::ExposureFault;
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::kernels::{Backend, Segment};
@@ -111,7 +111,7 @@ impl RunOptions {
     /// Checks that the times of the frames do not give more readouts than a recording of a camera has.
     ///
     /// # Errors
-    /// [`ErrorKind::Input`] if the frames have times, [`RunOptions::readouts`] is `None`, and the run has more than ten
+    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the frames have times, [`RunOptions::readouts`] is `None`, and the run has more than ten
     /// million readouts. The error names the units in which the times would fit.
     pub fn check_duration(&self, frames: Option<u64>) -> Result<()> {
         let (None, true, Some(frames)) = (self.readouts, self.timeline.has_frame_times(), frames) else {
@@ -121,14 +121,10 @@ impl RunOptions {
             return Ok(());
         };
         let seconds = readouts as f64 / self.camera.sensor.readout_hz;
-        Err(Error::new(ErrorKind::Input, "times of frames")
-            .found(format_args!(
-                "{seconds} s for {}, or {}",
-                Count(frames, "frame"),
-                Count(readouts, "readout"),
-            ))
-            .expected(format_args!("at most {MAX_TIMED_READOUTS} readouts without a number of readouts"))
-            .remedy(format_args!("{}, or set {}", unit_remedy(seconds, frames), Setting("readouts"))))
+        Err(error!(Input, "times of frames";
+            found "{seconds} s for {}, or {}", Count(frames, "frame"), Count(readouts, "readout");
+            expected "at most {MAX_TIMED_READOUTS} readouts without a number of readouts";
+            remedy "{}, or set {}", unit_remedy(seconds, frames), Setting("readouts")))
     }
 
     /// Checks that the timeline does not estimate motion from the light of a mosaic.
@@ -137,10 +133,9 @@ impl RunOptions {
         if self.timeline.interpolation() != Interpolation::Flow {
             return Ok(());
         }
-        Err(Error::new(ErrorKind::Usage, "interpolation")
-            .found(format_args!("flow for a camera with the mosaic {mosaic}"))
-            .expected("hold or linear, because neighboring pixels of a mosaic have different light")
-            .remedy("interpolate the video first, or use a camera without a mosaic"))
+        Err(error!(Usage, "interpolation"; found "flow for a camera with the mosaic {mosaic}";
+            expected "hold or linear, because neighboring pixels of a mosaic have different light";
+            remedy "interpolate the video first, or use a camera without a mosaic"))
     }
 
     /// Reads the first frame of `source` and plans the camera for the light of this frame. If `clean` is true, also
@@ -149,9 +144,9 @@ impl RunOptions {
         self.check_duration(source.frames())?;
         self.check_interpolation()?;
         let limit = self.expected_readouts(source.frames()).or(self.readouts).unwrap_or(u64::MAX);
-        let first = feed::next_frame(source)?.ok_or_else(|| {
-            Error::new(ErrorKind::Input, source.describe()).found("no frame").expected("at least one frame")
-        })?;
+        let first = feed::next_frame(source)?.ok_or_else(
+            || error!(Input, "{}", source.describe(); found "no frame"; expected "at least one frame"),
+        )?;
         let all = |light: f64| -> Result<(f64, Plan, Option<Plan>)> {
             let plan = |camera: &Camera| Plan::with_max_light(camera, self.seeds, light);
             let clean = clean.then(|| plan(&self.camera.clean_twin()));
@@ -249,8 +244,8 @@ pub struct RunSummary {
 /// ```
 ///
 /// # Errors
-/// * [`ErrorKind::Usage`] if the run would never end.
-/// * [`ErrorKind::Input`] if the source has no frame or ends before its announced length.
+/// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the run would never end.
+/// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the source has no frame or ends before its announced length.
 /// * Errors of the plan, the source, the files and `observer`.
 pub fn run(
     options: &RunOptions,
@@ -261,10 +256,8 @@ pub fn run(
 ) -> Result<RunSummary> {
     let description = source.describe();
     if options.timeline == Timeline::first_frame() && options.readouts.is_none() {
-        return Err(Error::new(ErrorKind::Usage, &description)
-            .found("one frame without a duration")
-            .expected("a number of readouts")
-            .remedy(format_args!("set {}", Setting("readouts"))));
+        bail!(Usage, "{description}"; found "one frame without a duration"; expected "a number of readouts";
+            remedy "set {}", Setting("readouts"));
     }
     let total = options.expected_readouts(source.frames());
     let PreparedRun { mut feeder, max_light, noisy: simulator, clean: twin } =
@@ -280,17 +273,14 @@ pub fn run(
     let (readouts, frames, too_bright) =
         (feeder.next_readout(), feeder.frames, feeder.frames_above_max_light);
     if let Some(total) = total.filter(|&n| n != readouts) {
-        return Err(Error::new(ErrorKind::Input, description)
-            .found(format_args!("light for {}", Count(readouts, "readout")))
-            .expected(format_args!("{total}, from the announced number of frames"))
-            .remedy(
-                "the input was truncated during reading; run the command again with the complete input",
-            ));
+        bail!(Input, "{description}"; found "light for {}", Count(readouts, "readout");
+            expected "{total}, from the announced number of frames";
+            remedy "the input was truncated during reading; run the command again with the complete input");
     }
     let simulated = start.elapsed();
     let (mut files, synced) = finish(options, streams)?;
     let clean = clean.and_then(|_| files.pop());
-    let noisy = files.pop().ok_or_else(|| Error::new(ErrorKind::Io, noisy.display()).found("no stream"))?;
+    let noisy = files.pop().ok_or_else(|| error!(Io, "{}", noisy.display(); found "no stream"))?;
     Ok(RunSummary {
         noisy,
         clean,

@@ -13,7 +13,7 @@ use crate::simulate::{ImageFacts, ImageFile};
 use crate::storage;
 use spikelane::effects::Camera;
 use spikelane::effects::definition::ParamKind;
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, ErrorKind, Result, Setting, bail, error};
 use spikelane::presets;
 use spikelane::sensor::{FrontEnd, Mosaic};
 use spikelane::spikes::Geometry;
@@ -358,7 +358,7 @@ impl Sidecar {
     /// As [`storage::write_small`].
     pub fn write(&self, path: &Path, force: bool) -> Result<()> {
         let mut text = serde_json::to_string_pretty(self)
-            .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
+            .map_err(|e| error!(Config, "{}", path.display(); found "{e}"))?;
         text.push('\n');
         storage::write_small(path, text.as_bytes(), force)
     }
@@ -378,12 +378,8 @@ impl Sidecar {
     /// [`ErrorKind::Config`] if the text is not a sidecar.
     pub fn parse(path: &Path, text: &[u8]) -> Result<Self> {
         serde_json::from_slice(text).map_err(|e| {
-            Error::new(ErrorKind::Config, path.display())
-                .found(e)
-                .expected("a sidecar written by this version")
-                .remedy(
-                    "restore the sidecar; if an earlier version wrote the sidecar, simulate the stream again",
-                )
+            error!(Config, "{}", path.display(); found "{e}"; expected "a sidecar written by this version";
+                remedy "restore the sidecar; if an earlier version wrote the sidecar, simulate the stream again")
         })
     }
 
@@ -448,10 +444,9 @@ pub fn save_camera(camera: &Camera, folder: &Path, force: bool) -> Result<PathBu
     let path = folder.join("camera.toml");
     let mut all = saved.maps.iter().map(|(name, _)| folder.join(name)).chain([path.clone()]);
     if let Some(existing) = all.find(|p| !force && p.exists()) {
-        return Err(Error::new(ErrorKind::Exists, existing.display())
-            .found("an existing file")
-            .expected("a path that does not exist")
-            .remedy(format_args!("choose another folder, or set {} to replace the file", Setting("force"))));
+        bail!(Exists, "{}", existing.display(); found "an existing file";
+            expected "a path that does not exist";
+            remedy "choose another folder, or set {} to replace the file", Setting("force"));
     }
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
     let mut group = storage::FileGroup::new(force);

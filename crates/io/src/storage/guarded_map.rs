@@ -7,7 +7,7 @@ use std::path::Path;
 use memmap2::{MmapOptions, MmapRaw};
 
 use super::mapping_guard::MappingGuard;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, error};
 use spikelane::unstable::Count;
 
 /// A shared, writable mapping of a part of a file.
@@ -47,14 +47,14 @@ impl GuardedMap {
 /// Checks that `file` still has `bytes` bytes, and that no access to `map` found the file shortened. Errors name `path`.
 ///
 /// # Errors
-/// [`ErrorKind::Io`] if another process shortened the file.
+/// [`ErrorKind::Io`](spikelane::ErrorKind::Io) if another process shortened the file.
 pub(super) fn check_length(file: &File, map: Option<&GuardedMap>, bytes: u64, path: &Path) -> Result<()> {
     let now = file.metadata().map_err(|e| Error::io(path.display(), e))?.len();
     if now >= bytes && !map.is_some_and(GuardedMap::is_truncated) {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::Io, path.display())
-        .found(format_args!("{}, {bytes} before: another process shortened the file", Count(now, "byte")))
-        .expected("a file that no other process shortens")
-        .remedy("find the process that writes to this file, or choose another name"))
+    Err(error!(Io, "{}", path.display();
+        found "{}, {bytes} before: another process shortened the file", Count(now, "byte");
+        expected "a file that no other process shortens";
+        remedy "find the process that writes to this file, or choose another name"))
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::platform::{is_same_file, set_no_follow};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, error};
 
 /// Another process may lock the file briefly while that process lists unfinished outputs, so `acquire` tries several
 /// times.
@@ -34,8 +34,8 @@ impl LockFile {
     /// `output` or a folder.
     ///
     /// # Errors
-    /// * [`ErrorKind::Busy`] if another process holds the lock.
-    /// * [`ErrorKind::Exists`] if the path of the lock file is occupied by an entry that is not a lock file.
+    /// * [`ErrorKind::Busy`](spikelane::ErrorKind::Busy) if another process holds the lock.
+    /// * [`ErrorKind::Exists`](spikelane::ErrorKind::Exists) if the path of the lock file is occupied by an entry that is not a lock file.
     /// * Other errors of the operating system.
     pub(super) fn acquire(output: &Path, claimed: &Path) -> Result<Self> {
         let path = &*lock_path(output);
@@ -88,10 +88,9 @@ impl LockFile {
             lock._file = Some(file);
             return Ok(lock);
         }
-        Err(Error::new(ErrorKind::Busy, claimed.display())
-            .found("another process that writes this output")
-            .expected("only one process per output")
-            .remedy("wait until this process ends, or choose another output"))
+        Err(error!(Busy, "{}", claimed.display(); found "another process that writes this output";
+            expected "only one process per output";
+            remedy "wait until this process ends, or choose another output"))
     }
 }
 
@@ -124,10 +123,9 @@ fn open(path: &Path) -> io::Result<File> {
 }
 
 fn not_a_lock_error(path: &Path, found: impl std::fmt::Display) -> Error {
-    Error::new(ErrorKind::Exists, path.display())
-        .found(found)
-        .expected("the lock file of another process, or no file")
-        .remedy("move the file, or choose another output")
+    error!(Exists, "{}", path.display(); found "{found}";
+        expected "the lock file of another process, or no file";
+        remedy "move the file, or choose another output")
 }
 
 /// Returns whether `path` still refers to `file`.
@@ -165,6 +163,7 @@ pub(super) fn is_held(path: &Path) -> Option<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spikelane::ErrorKind;
 
     #[test]
     fn one_process_holds_a_lock_and_its_file_goes_with_it() {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::storage::lock_file::LockFile;
 use crate::storage::partial_file::{parent_folder, refuse_existing};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, error};
 
 /// The name in the lock file of a whole folder.
 const FOLDER_LOCK: &str = "folder";
@@ -43,10 +43,10 @@ impl OutputSet {
     /// The creation of the lock files also proves that the folders are writable.
     ///
     /// # Errors
-    /// * [`ErrorKind::Exists`] if a file exists and `force` is false, or if a path is a folder, a device, a pipe or a
+    /// * [`ErrorKind::Exists`](spikelane::ErrorKind::Exists) if a file exists and `force` is false, or if a path is a folder, a device, a pipe or a
     ///   socket.
-    /// * [`ErrorKind::Busy`] if another process writes one of the files.
-    /// * [`ErrorKind::Io`] if a folder is not writable. The error message contains the path of the folder.
+    /// * [`ErrorKind::Busy`](spikelane::ErrorKind::Busy) if another process writes one of the files.
+    /// * [`ErrorKind::Io`](spikelane::ErrorKind::Io) if a folder is not writable. The error message contains the path of the folder.
     pub fn claim<P: AsRef<Path>>(files: impl IntoIterator<Item = P>, force: bool) -> Result<Self> {
         let mut files: Vec<PathBuf> = files.into_iter().map(|file| file.as_ref().to_path_buf()).collect();
         // All processes lock files in the same order, so two processes cannot deadlock.
@@ -66,8 +66,8 @@ impl OutputSet {
     /// known yet.
     ///
     /// # Errors
-    /// * [`ErrorKind::Busy`] if another process has locked the folder.
-    /// * [`ErrorKind::Io`] if the folder is not writable.
+    /// * [`ErrorKind::Busy`](spikelane::ErrorKind::Busy) if another process has locked the folder.
+    /// * [`ErrorKind::Io`](spikelane::ErrorKind::Io) if the folder is not writable.
     pub fn claim_folder(folder: &Path) -> Result<Self> {
         let mut folders = MadeFolders::default();
         folders.make(folder)?;
@@ -87,10 +87,8 @@ fn lock(file: &Path, claimed: &Path) -> Result<LockFile> {
 }
 
 fn unwritable_folder_error(folder: &Path, found: impl std::fmt::Display) -> Error {
-    Error::new(ErrorKind::Io, folder.display())
-        .found(found)
-        .expected("a writable folder")
-        .remedy("allow writing to this folder, or choose another output folder")
+    error!(Io, "{}", folder.display(); found "{found}"; expected "a writable folder";
+        remedy "allow writing to this folder, or choose another output folder")
 }
 
 /// Folders that this process created. When this value is dropped, the empty folders are removed.
@@ -120,10 +118,9 @@ impl MadeFolders {
 }
 
 fn make_folder_error(folder: &Path, found: impl std::fmt::Display) -> Error {
-    Error::new(ErrorKind::Io, folder.display())
-        .found(found)
-        .expected("a folder, or a path where a folder can be created")
-        .remedy("choose another output folder, or create this folder")
+    error!(Io, "{}", folder.display(); found "{found}";
+        expected "a folder, or a path where a folder can be created";
+        remedy "choose another output folder, or create this folder")
 }
 
 impl Drop for MadeFolders {
@@ -139,6 +136,7 @@ impl Drop for MadeFolders {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spikelane::ErrorKind;
 
     #[test]
     fn a_folder_that_stays_empty_is_removed_and_one_with_a_file_stays() {

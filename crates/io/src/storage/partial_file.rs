@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crate::storage::platform::set_private;
 use crate::storage::sync;
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, ErrorKind, Result, Setting, error};
 use spikelane::unstable::inputs::PARTIAL_ENDING;
 
 /// Number of the next partial file. The number distinguishes the partial files of one process.
@@ -51,9 +51,9 @@ impl PartialFile {
         options: &mut OpenOptions,
     ) -> Result<Self> {
         refuse_existing(path, force)?;
-        let name = path.file_name().ok_or_else(|| {
-            Error::new(ErrorKind::Usage, path.display()).found("no file name").expected("the path of a file")
-        })?;
+        let name = path.file_name().ok_or_else(
+            || error!(Usage, "{}", path.display(); found "no file name"; expected "the path of a file"),
+        )?;
         loop {
             let n = NEXT_FILE_NUMBER.fetch_add(1, Ordering::Relaxed);
             let mut hidden_name = std::ffi::OsString::from(".");
@@ -165,10 +165,8 @@ pub(super) fn parent_folder(path: &Path) -> &Path {
 }
 
 fn exists_error(path: &Path) -> Error {
-    Error::new(ErrorKind::Exists, path.display())
-        .found("an existing file")
-        .expected("a path that does not exist")
-        .remedy(format_args!("choose another path, or set {} to replace the file", Setting("force")))
+    error!(Exists, "{}", path.display(); found "an existing file"; expected "a path that does not exist";
+        remedy "choose another path, or set {} to replace the file", Setting("force"))
 }
 
 /// Checks that a file may be created at `path`.
@@ -187,10 +185,10 @@ pub(super) fn refuse_existing(path: &Path, force: bool) -> Result<()> {
         _ if force => return Ok(()),
         _ => return Err(exists_error(path)),
     };
-    Err(Error::new(ErrorKind::Exists, path.display())
-        .found(if link { format!("a link to {what}") } else { what.to_owned() })
-        .expected("a path that does not exist, because only plain files are replaced")
-        .remedy("choose another path"))
+    Err(error!(Exists, "{}", path.display();
+        found "{}", if link { format!("a link to {what}") } else { what.to_owned() };
+        expected "a path that does not exist, because only plain files are replaced";
+        remedy "choose another path"))
 }
 
 /// Returns whether the target of a link is in `/proc` or `/dev`. `/dev/shm` does not count.

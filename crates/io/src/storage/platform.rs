@@ -8,7 +8,7 @@ use std::fs::{File, Metadata, OpenOptions};
 use std::io;
 use std::path::Path;
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, error};
 
 /// Extends a file from `from` to `to` bytes and reserves all blocks. If the disk is full, the reservation fails
 /// instead of a later write.
@@ -159,13 +159,11 @@ pub(super) fn set_private(options: &mut OpenOptions) -> &mut OpenOptions {
 /// Opens a file that this program created. The function does not follow links and does not block on pipes.
 ///
 /// # Errors
-/// [`ErrorKind::Input`] if the path is a link or not a regular file. Also errors of the operating system.
+/// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the path is a link or not a regular file. Also errors of the operating system.
 pub fn open_no_follow(options: &mut OpenOptions, path: &Path) -> Result<File> {
     let refused = |found: &str| {
-        Error::new(ErrorKind::Input, path.display())
-            .found(found)
-            .expected("a regular file written by spikelane")
-            .remedy("remove this file; if the file is a link, the target of the link stays unchanged")
+        error!(Input, "{}", path.display(); found "{found}"; expected "a regular file written by spikelane";
+            remedy "remove this file; if the file is a link, the target of the link stays unchanged")
     };
     #[cfg(unix)]
     let opened = {

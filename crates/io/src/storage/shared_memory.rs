@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::storage::guarded_map::{GuardedMap, check_length};
 use crate::storage::platform::{is_same_file, reserve, set_private};
 use crate::storage::writer::reserve_error;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, bail};
 use spikelane::unstable::Count;
 
 /// Number of bytes per word.
@@ -30,8 +30,8 @@ impl SharedMemory {
     /// have no permission to open the file.
     ///
     /// # Errors
-    /// * [`ErrorKind::Exists`] if the file exists.
-    /// * [`ErrorKind::Space`] if the disk is full.
+    /// * [`ErrorKind::Exists`](spikelane::ErrorKind::Exists) if the file exists.
+    /// * [`ErrorKind::Space`](spikelane::ErrorKind::Space) if the disk is full.
     /// * Other errors of the operating system.
     pub fn create(path: &Path, words: usize) -> Result<Self> {
         let io = |e| Error::io(path.display(), e);
@@ -48,8 +48,8 @@ impl SharedMemory {
     /// Maps a file that another process created.
     ///
     /// # Errors
-    /// * [`ErrorKind::Io`] if the file cannot be opened.
-    /// * [`ErrorKind::Input`] if the file is not a regular file or its length is not a whole number of words.
+    /// * [`ErrorKind::Io`](spikelane::ErrorKind::Io) if the file cannot be opened.
+    /// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the file is not a regular file or its length is not a whole number of words.
     pub fn open(path: &Path) -> Result<Self> {
         let io = |e| Error::io(path.display(), e);
         let file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
@@ -61,9 +61,8 @@ impl SharedMemory {
         let metadata = file.metadata().map_err(io)?;
         let bytes = metadata.len();
         if !metadata.is_file() || bytes == 0 || bytes % WORD_BYTES as u64 != 0 {
-            return Err(Error::new(ErrorKind::Input, path.display())
-                .found(Count(bytes, "byte"))
-                .expected("a regular file whose size is a multiple of 8 bytes"));
+            bail!(Input, "{}", path.display(); found "{}", Count(bytes, "byte");
+                expected "a regular file whose size is a multiple of 8 bytes");
         }
         let len = usize::try_from(bytes).map_err(|_| io(std::io::ErrorKind::OutOfMemory.into()))?;
         let map = GuardedMap::new(&file, 0, len).map_err(io)?;
@@ -73,7 +72,7 @@ impl SharedMemory {
     /// Checks that the file still has the length with which it was mapped.
     ///
     /// # Errors
-    /// [`ErrorKind::Io`] if another process truncated the file. Words that this process wrote after the truncation may
+    /// [`ErrorKind::Io`](spikelane::ErrorKind::Io) if another process truncated the file. Words that this process wrote after the truncation may
     /// be invisible to other processes.
     pub fn check(&self) -> Result<()> {
         check_length(&self.file, Some(&self.map), self.map.len() as u64, &self.path)
@@ -134,6 +133,7 @@ impl SharedMemory {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spikelane::ErrorKind;
 
     #[test]
     fn two_mappings_of_a_file_see_the_same_bytes() {

@@ -7,7 +7,7 @@ use std::time::Duration;
 use crate::storage::guarded_map::{GuardedMap, check_length};
 use crate::storage::partial_file::{PartialFile, parent_folder};
 use crate::storage::platform::{free_bytes, is_in_memory, reserve, write_all_at, write_back};
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, ErrorKind, Result, Setting, bail, error};
 use spikelane::unstable::Count;
 
 /// Number of bytes of the mapped window. With this size, moving the window takes little of the total time, and the
@@ -161,9 +161,8 @@ impl FileWriter {
 
     fn check(&self, offset: u64, len: usize) -> Result<()> {
         if offset.checked_add(len as u64).is_none_or(|end| end > self.bytes) {
-            return Err(Error::new(ErrorKind::Usage, self.path().display())
-                .found(format_args!("{} at {offset}", Count(len, "byte")))
-                .expected(format_args!("a range within {}", Count(self.bytes, "byte"))));
+            bail!(Usage, "{}", self.path().display(); found "{} at {offset}", Count(len, "byte");
+                expected "a range within {}", Count(self.bytes, "byte"));
         }
         Ok(())
     }
@@ -263,10 +262,9 @@ impl Window {
 }
 
 fn space_error(path: &Path, needed: u64, free: u64) -> Error {
-    Error::new(ErrorKind::Space, path.display())
-        .found(format_args!("{} free on the disk", Count(free, "byte")))
-        .expected(format_args!("{} for this file", Count(needed, "byte")))
-        .remedy(format_args!("free some space, choose another disk, or reduce {}", Setting("readouts")))
+    error!(Space, "{}", path.display(); found "{} free on the disk", Count(free, "byte");
+        expected "{} for this file", Count(needed, "byte");
+        remedy "free some space, choose another disk, or reduce {}", Setting("readouts"))
 }
 
 fn check_space(path: &Path, needed: u64) -> Result<()> {

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
 use wide::f32x4;
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, error};
 
 use crate::drive::camera::{Intrinsics, PinholeCamera};
 use crate::drive::distortion::RadialDistortion;
@@ -94,7 +94,7 @@ impl Scene {
     /// The flow is computed analytically in single precision. The sky moves like an object at infinite distance.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the image size or the instant of the labels does not match this scene.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the image size or the instant of the labels does not match this scene.
     pub fn flow(&self, from: &Labels, to: &Labels, threads: usize) -> Result<Flow> {
         self.check_labels(from)?;
         self.check_labels(to)?;
@@ -133,10 +133,8 @@ impl Scene {
         if (labels.width, labels.height) == (w, h) && labels.part.len() == w * h {
             return Ok(());
         }
-        Err(Error::new(ErrorKind::Usage, "labels")
-            .found(format_args!("{}x{}", labels.width, labels.height))
-            .expected(format_args!("{w}x{h}"))
-            .remedy("use the labels of this scene"))
+        Err(error!(Usage, "labels"; found "{}x{}", labels.width, labels.height; expected "{w}x{h}";
+            remedy "use the labels of this scene"))
     }
 
     pub(crate) fn motions(&self, from: &ScenePoses, to: &ScenePoses) -> Motions {

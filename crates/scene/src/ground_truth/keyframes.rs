@@ -1,6 +1,6 @@
 //! Selects the instants that are drawn. Between them, light changes linearly.
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail};
 
 use crate::world::Scene;
 
@@ -59,16 +59,15 @@ impl Scene {
     /// Between two keyframes no visible point moves by more than a quarter pixel, unless every readout is a keyframe.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if `t1` is less than `t0`, if the interval exceeds the drive, or if the rate is not
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `t1` is less than `t0`, if the interval exceeds the drive, or if the rate is not
     /// between 1 Hz and 10 MHz.
     pub fn plan_keyframes(&self, t0: f64, t1: f64, readout_hz: f64, threads: usize) -> Result<KeyframePlan> {
         self.check_time(t0)?;
         self.check_time(t1)?;
         if t1 < t0 || !(1.0..=1e7).contains(&readout_hz) {
-            return Err(Error::new(ErrorKind::Usage, "key frames")
-                .found(format_args!("{t0} to {t1} s at {readout_hz} Hz"))
-                .expected("a start before the end, and 1 to 10,000,000 Hz")
-                .remedy("correct the times or the readout rate"));
+            bail!(Usage, "key frames"; found "{t0} to {t1} s at {readout_hz} Hz";
+                expected "a start before the end, and 1 to 10,000,000 Hz";
+                remedy "correct the times or the readout rate");
         }
         let count = ((t1 - t0) * readout_hz + 1e-6) as usize + 1;
         let readouts: Vec<f64> = (0..count).map(|k| (t0 + k as f64 / readout_hz).min(t1)).collect();
@@ -99,7 +98,7 @@ impl Scene {
     /// Returns the speed of the fastest visible point in the image at time `t`, in pixels per second.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if `t` is outside the drive.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `t` is outside the drive.
     pub fn max_speed_px_per_s(&self, t: f64, threads: usize) -> Result<f64> {
         const STEP_S: f64 = 2e-5;
         let labels = self.labels(t, threads)?;

@@ -8,7 +8,7 @@
 use glam::Vec4;
 use wide::{f32x4, i32x4};
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail};
 
 use crate::ground_truth::flow::Motions;
 use crate::rendering::rendered_frame::{Labels, RenderedFrame};
@@ -26,15 +26,14 @@ impl<'a> Warp<'a> {
     /// Creates a warp between two renders of `scene`.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the image size or the instant of a render does not match the scene, or if `early` is
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the image size or the instant of a render does not match the scene, or if `early` is
     /// not earlier than `late`.
     pub fn new(scene: &'a Scene, early: &'a RenderedFrame, late: &'a RenderedFrame) -> Result<Self> {
         scene.check_labels(&early.labels)?;
         scene.check_labels(&late.labels)?;
         if early.labels.t >= late.labels.t {
-            return Err(Error::new(ErrorKind::Usage, "key frames")
-                .found(format_args!("{} s before {} s", early.labels.t, late.labels.t))
-                .expected("the earlier frame first"));
+            bail!(Usage, "key frames"; found "{} s before {} s", early.labels.t, late.labels.t;
+                expected "the earlier frame first");
         }
         Ok(Self { scene, earlier: early, later: late })
     }
@@ -42,13 +41,11 @@ impl<'a> Warp<'a> {
     /// Returns the luminance at time `t` in cd/m2, in row-major order.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if `t` is not between the keyframes.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `t` is not between the keyframes.
     pub fn light(&self, t: f64) -> Result<Vec<f32>> {
         let (a, b) = (self.earlier.labels.t, self.later.labels.t);
         if !(a..=b).contains(&t) {
-            return Err(Error::new(ErrorKind::Usage, "time of a frame between key frames")
-                .found(format_args!("{t} s"))
-                .expected(format_args!("{a} to {b} s")));
+            bail!(Usage, "time of a frame between key frames"; found "{t} s"; expected "{a} to {b} s");
         }
         let share = ((t - a) / (b - a)) as f32;
         let mut out = warp_to(self.scene, self.earlier, t);

@@ -25,7 +25,7 @@ use std::io::Cursor;
 
 use image::{ExtendedColorType, ImageEncoder};
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, error};
 use spikelane::unstable::Count;
 
 /// Encodes 8-bit samples, or 16-bit samples in native byte order, as a PNG file.
@@ -33,9 +33,7 @@ fn png(bytes: &[u8], width: usize, height: usize, color: ExtendedColorType) -> R
     let mut out = Cursor::new(Vec::new());
     image::codecs::png::PngEncoder::new(&mut out)
         .write_image(bytes, width as u32, height as u32, color)
-        .map_err(|e| {
-            Error::new(ErrorKind::Input, "PNG image").found(e).remedy("check width, height and data")
-        })?;
+        .map_err(|e| error!(Input, "PNG image"; found "{e}"; remedy "check width, height and data"))?;
     Ok(out.into_inner())
 }
 
@@ -44,8 +42,6 @@ fn expect_len(what: &str, found: usize, expected: usize) -> Result<()> {
     if found == expected {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::Usage, what)
-        .found(Count(found, "value"))
-        .expected(format_args!("{expected}"))
-        .remedy("pass width times height values"))
+    Err(error!(Usage, "{what}"; found "{}", Count(found, "value"); expected "{expected}";
+        remedy "pass width times height values"))
 }

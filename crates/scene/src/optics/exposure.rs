@@ -3,17 +3,7 @@
 //! The camera meters the scene and changes its iris with a lag, as auto-iris lenses do. White is high enough for the
 //! bright parts of the image, unless these parts are so small that the rest would be black.
 
-use glam::Vec3;
-
-use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::threads;
-
-use crate::drive::camera::{Intrinsics, PinholeCamera};
-use crate::lighting::luminance;
-use crate::rendering::frame::SceneInstant;
-use crate::rendering::rendered_frame::SamplesPerPixel;
-use crate::rendering::tiles::Tiles;
-use crate::world::Scene;
+use spikelane::error::{Result, error};
 
 /// How the luminance of white follows the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,9 +21,7 @@ pub enum Exposure {
 /// Time constant with which the logarithm of white follows the scene, in seconds.
 const LAG_S: f64 = 0.3;
 /// Longest time between two metered instants, in seconds. It is a sixth of the lag.
-const METER_INTERVAL_S: f64 = 0.05;
-/// Width of a metered image in pixels.
-const METER_WIDTH: u32 = 80;
+pub(crate) const METER_INTERVAL_S: f64 = 0.05;
 /// Fraction of the pixels that may exceed white.
 const HIGHLIGHT_SHARE: f32 = 0.02;
 /// White is lowered until the mean light, clipped at white, is this fraction of white. Otherwise a small bright area,
@@ -46,9 +34,7 @@ impl Exposure {
     pub(crate) fn check(self) -> Result<()> {
         match self {
             Self::Fixed(white) if !(white.is_finite() && white > 0.0) => {
-                Err(Error::new(ErrorKind::Usage, "luminance of white")
-                    .found(format_args!("{white} cd/m2"))
-                    .expected("a positive number"))
+                Err(error!(Usage, "luminance of white"; found "{white} cd/m2"; expected "a positive number"))
             }
             _ => Ok(()),
         }
@@ -63,71 +49,18 @@ pub(crate) struct ExposureCurve {
 }
 
 impl ExposureCurve {
-    fn at(&self, t: f64) -> f32 {
+    /// Returns the curve that follows the logarithms of metered white, which are `interval_s` apart, with a lag.
+    pub(crate) fn from_metered(log_metered: &[f64], interval_s: f64) -> Self {
+        Self { interval_s, log_white: follow_with_lag(log_metered, interval_s) }
+    }
+
+    /// Returns white at time `t`, which is clamped to the curve.
+    pub(crate) fn at(&self, t: f64) -> f32 {
         let last = self.log_white.len() - 1;
         let x = (t / self.interval_s).clamp(0.0, last as f64);
         let k = (x as usize).min(last.saturating_sub(1));
         let next = self.log_white[(k + 1).min(last)];
         libm::exp(self.log_white[k] + (next - self.log_white[k]) * (x - k as f64)) as f32
-    }
-}
-
-impl Scene {
-    /// Returns the luminance of white at time `t` in cd/m2, with `threads` threads.
-    ///
-    /// A luminance divided by the luminance of white is linear light, usually between 0 and 1. The light of highlights
-    /// and of lamps exceeds 1. The first call meters the whole drive, once per 50 ms. White before the start of the drive
-    /// equals white at its start.
-    ///
-    /// # Errors
-    /// [`ErrorKind::Usage`] if `t` is outside the drive.
-    pub fn white_cd_m2(&self, t: f64, threads: usize) -> Result<f32> {
-        self.check_time(t)?;
-        Ok(self.white_at(t, threads))
-    }
-
-    /// Returns the luminance of white at time `t`, which must be inside the drive.
-    pub(crate) fn white_at(&self, t: f64, threads: usize) -> f32 {
-        match self.exposure {
-            Exposure::Fixed(white) => white,
-            Exposure::Automatic | Exposure::Locked => {
-                self.exposure_curve.get_or_init(|| self.meter_drive(threads)).at(t)
-            }
-        }
-    }
-
-    /// Meters the drive, and follows the metered white with a lag.
-    fn meter_drive(&self, threads: usize) -> ExposureCurve {
-        let steps = match self.exposure {
-            Exposure::Automatic => (self.duration_s / METER_INTERVAL_S) as usize,
-            Exposure::Locked | Exposure::Fixed(_) => 0,
-        };
-        let interval_s = self.duration_s / steps.max(1) as f64;
-        let metered = threads::map_indexed(threads, steps + 1, |k| {
-            libm::log(f64::from(self.metered_white((k as f64 * interval_s).min(self.duration_s))))
-        });
-        ExposureCurve { interval_s, log_white: follow_with_lag(&metered, interval_s) }
-    }
-
-    /// Returns the white that the camera meters at time `t`.
-    fn metered_white(&self, t: f64) -> f32 {
-        let camera = self.camera_unchecked(t);
-        let full = camera.intrinsics;
-        let scale = (f64::from(METER_WIDTH) / f64::from(full.width)).min(1.0);
-        let side = |n: u32| ((f64::from(n) * scale).round() as u32).max(1);
-        let intrinsics = Intrinsics {
-            width: side(full.width),
-            height: side(full.height),
-            focal_px: full.focal_px * scale,
-            center_px: full.center_px.map(|c| c * scale),
-            ..full
-        };
-        let camera = PinholeCamera { intrinsics, ..camera };
-        let tiles = Tiles::all(intrinsics.width as usize, intrinsics.height as usize);
-        let frame = SceneInstant::with_camera(self, camera, t);
-        let (rendered, _) = self.render_instant(&frame, SamplesPerPixel::Four, (&tiles, None), 1);
-        let mut light: Vec<f32> = rendered.rgb.iter().map(|&c| luminance(Vec3::from(c))).collect();
-        white_of(&mut light)
     }
 }
 
@@ -146,7 +79,7 @@ fn follow_with_lag(metered: &[f64], interval_s: f64) -> Vec<f64> {
 }
 
 /// Returns the white for an image.
-fn white_of(light: &mut [f32]) -> f32 {
+pub(crate) fn white_of(light: &mut [f32]) -> f32 {
     light.sort_unstable_by(f32::total_cmp);
     let index = ((1.0 - HIGHLIGHT_SHARE) * light.len() as f32) as usize;
     let highlight = light[index.min(light.len() - 1)].max(MIN_WHITE_CD_M2);
@@ -203,10 +136,7 @@ mod tests {
         let first_bright = 20;
         let metered: Vec<f64> =
             (0..=steps).map(|k| if k < first_bright { dark.ln() } else { bright.ln() }).collect();
-        let curve = ExposureCurve {
-            interval_s: METER_INTERVAL_S,
-            log_white: follow_with_lag(&metered, METER_INTERVAL_S),
-        };
+        let curve = ExposureCurve::from_metered(&metered, METER_INTERVAL_S);
         let chord = (METER_INTERVAL_S / LAG_S).powi(2) / 8.0;
         let share = |t: f64| (f64::from(curve.at(t)) / dark).ln() / (bright / dark).ln();
         let step_response = |t: f64| if t <= 0.0 { 0.0 } else { 1.0 - (-t / LAG_S).exp() };

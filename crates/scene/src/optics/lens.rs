@@ -1,6 +1,6 @@
 //! Properties of a lens.
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, error};
 
 use crate::drive::camera::Intrinsics;
 use crate::random::Draws;
@@ -79,10 +79,8 @@ impl Lens {
         ];
         match ranges.into_iter().find(|(_, value, low, high)| !(*low..=*high).contains(value)) {
             None => Ok(()),
-            Some((name, value, low, high)) => Err(Error::new(ErrorKind::Usage, name)
-                .found(value)
-                .expected(format_args!("{low} to {high}"))
-                .remedy("use a value in this range")),
+            Some((name, value, low, high)) => Err(error!(Usage, "{name}"; found "{value}";
+                expected "{low} to {high}"; remedy "use a value in this range")),
         }
     }
 

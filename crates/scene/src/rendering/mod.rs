@@ -3,6 +3,7 @@
 pub(super) mod band;
 pub(super) mod fragment;
 pub(super) mod frame;
+mod metering;
 pub(super) mod raster;
 pub(super) mod render;
 pub(super) mod rendered_frame;

@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use spikelane::unstable::variant_names;
+
 /// The procedural materials. The texture modules evaluate the materials.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Material {
@@ -87,44 +89,13 @@ pub enum Semantic {
     Bus = 15,
 }
 
+variant_names!(Semantic {
+    Road = "road", Sidewalk = "sidewalk", Building = "building", Wall = "wall", Pole = "pole",
+    TrafficLight = "traffic light", TrafficSign = "traffic sign", Vegetation = "vegetation",
+    Terrain = "terrain", Sky = "sky", Car = "car", Truck = "truck", Bus = "bus",
+});
+
 impl Semantic {
-    /// All classes, in ascending order of their numbers.
-    pub const ALL: [Self; 13] = [
-        Self::Road,
-        Self::Sidewalk,
-        Self::Building,
-        Self::Wall,
-        Self::Pole,
-        Self::TrafficLight,
-        Self::TrafficSign,
-        Self::Vegetation,
-        Self::Terrain,
-        Self::Sky,
-        Self::Car,
-        Self::Truck,
-        Self::Bus,
-    ];
-
-    /// Returns the name of the class in lower case.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Road => "road",
-            Self::Sidewalk => "sidewalk",
-            Self::Building => "building",
-            Self::Wall => "wall",
-            Self::Pole => "pole",
-            Self::TrafficLight => "traffic light",
-            Self::TrafficSign => "traffic sign",
-            Self::Vegetation => "vegetation",
-            Self::Terrain => "terrain",
-            Self::Sky => "sky",
-            Self::Car => "car",
-            Self::Truck => "truck",
-            Self::Bus => "bus",
-        }
-    }
-
     /// Returns the color that Cityscapes assigns to the class.
     #[must_use]
     pub const fn color(self) -> [u8; 3] {

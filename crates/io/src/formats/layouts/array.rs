@@ -4,7 +4,7 @@
 use std::io::Read;
 
 use super::ArrayHeader;
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, Result, bail, error};
 use spikelane::spikes::{Geometry, set_bit};
 use spikelane::unstable::inputs;
 use spikelane::unstable::npy::Element;
@@ -60,8 +60,8 @@ pub(crate) struct PackedStream {
 /// Packs the elements of `array`, which `source` reads in storage order.
 ///
 /// # Errors
-/// * [`ErrorKind::Input`] unless all values are 0 or 1, or all values are 0 or 255.
-/// * [`ErrorKind::Input`] if `source` ends early, or if the packed stream exceeds 1 GiB.
+/// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) unless all values are 0 or 1, or all values are 0 or 255.
+/// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) if `source` ends early, or if the packed stream exceeds 1 GiB.
 pub(crate) fn pack(
     name: &str,
     array: &ArrayHeader,
@@ -69,16 +69,14 @@ pub(crate) fn pack(
     source: &mut impl Read,
 ) -> Result<PackedStream> {
     let (readouts, geometry) = axes.readouts_and_geometry(array.shape).ok_or_else(|| {
-        Error::new(ErrorKind::Input, name)
-            .found(format_args!("shape {:?}", array.shape))
-            .expected(format_args!("{} with frames of 1 to 2^28 pixels", axes.name()))
+        error!(Input, "{name}"; found "shape {:?}", array.shape;
+            expected "{} with frames of 1 to 2^28 pixels", axes.name())
     })?;
     let size = geometry.frame_bytes();
     if (size as u64).checked_mul(readouts).is_none_or(|n| n > MAX_PACKED_BYTES) {
-        return Err(Error::new(ErrorKind::Input, name)
-            .found(format_args!("an array {:?}", array.shape))
-            .expected("at most 1 GiB of packed frames, because the whole array must fit in memory")
-            .remedy("save the array as .npy, which is read frame by frame: numpy.ascontiguousarray(a, numpy.uint8) with axes (T, H, W)"));
+        bail!(Input, "{name}"; found "an array {:?}", array.shape;
+            expected "at most 1 GiB of packed frames, because the whole array must fit in memory";
+            remedy "save the array as .npy, which is read frame by frame: numpy.ascontiguousarray(a, numpy.uint8) with axes (T, H, W)");
     }
     let mut packed = inputs::zeroed_vec(name, size * readouts as usize)?;
     let mut bits = BitPacker { size, spike_value: 0.0 };
@@ -141,17 +139,13 @@ pub(super) fn incomplete_array_error(name: &str, error: std::io::Error) -> Error
     if error.kind() != std::io::ErrorKind::UnexpectedEof {
         return Error::io(name, error);
     }
-    Error::new(ErrorKind::Input, name)
-        .found(error)
-        .expected("all elements of the array")
-        .remedy("the file is truncated; save the array again")
+    error!(Input, "{name}"; found "{error}"; expected "all elements of the array";
+        remedy "the file is truncated; save the array again")
 }
 
 fn not_binary_error(name: &str, value: f64, readout: usize, (row, col): (usize, usize)) -> Error {
-    Error::new(ErrorKind::Input, name)
-        .found(format_args!("the value {value} at readout {readout}, row {row}, col {col}"))
-        .expected("0 and 1, or 0 and 255, as in a stream")
-        .remedy("simulate an array of light first")
+    error!(Input, "{name}"; found "the value {value} at readout {readout}, row {row}, col {col}";
+        expected "0 and 1, or 0 and 255, as in a stream"; remedy "simulate an array of light first")
 }
 
 /// Returns whether the array is stored in the encoding of `npy-bytes`. Frames in this encoding are read directly from

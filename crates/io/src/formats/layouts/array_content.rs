@@ -2,7 +2,7 @@
 
 use super::layout::Layout;
 use super::{ArrayHeader, ReadoutAxis, geometry_error, is_mapped};
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, Result, Setting, bail, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::npy;
 
@@ -63,13 +63,9 @@ fn packed_bits_content(
     let [_, height, last] = array.shape;
     if array.element != npy::Element::U8 && array.element != npy::Element::I8 || array.is_fortran_order {
         let order = if array.is_fortran_order { " in Fortran order" } else { "" };
-        return Err(Error::new(ErrorKind::Input, name)
-            .found(format_args!("elements of type {}{order}", array.element))
-            .expected(format_args!("u8 in C order for layout {layout}"))
-            .remedy(format_args!(
-                "omit {0}, or set {0} to npy-bytes if each element is a pixel",
-                Setting("layout")
-            )));
+        bail!(Input, "{name}"; found "elements of type {}{order}", array.element;
+            expected "u8 in C order for layout {layout}";
+            remedy "omit {0}, or set {0} to npy-bytes if each element is a pixel", Setting("layout"));
     }
     let side = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
     let byte_geometry =
@@ -91,7 +87,6 @@ fn wrong_size_error(name: &str, array: &ArrayHeader, wanted: Geometry) -> Error 
 }
 
 fn no_frames_error(name: &str, array: &ArrayHeader) -> Error {
-    Error::new(ErrorKind::Input, name)
-        .found(format_args!("shape {:?}", array.shape))
-        .expected("at least one frame of 1 to 2^28 pixels")
+    error!(Input, "{name}"; found "shape {:?}", array.shape;
+        expected "at least one frame of 1 to 2^28 pixels")
 }

@@ -1,7 +1,7 @@
 //! Translation between packed frames in memory and the frames of a layout.
 
 use super::layout::Layout;
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, Result, Setting, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
 use spikelane::unstable::spikes::{pack_frame, unpack_frame};
@@ -30,7 +30,7 @@ impl Codec {
     /// Creates the codec for frames of `geometry` in `layout`.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the layout does not support the geometry.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the layout does not support the geometry.
     pub fn new(layout: Layout, geometry: Geometry) -> Result<Self> {
         let frame_bytes = layout.frame_bytes(geometry)?;
         Ok(Self { layout, geometry, frame_bytes })
@@ -58,7 +58,7 @@ impl Codec {
     /// and do not depend on the padding in `packed`.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the slices do not contain the same number of whole frames.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the slices do not contain the same number of whole frames.
     pub fn encode(&self, packed: &[u8], file: &mut [u8]) -> Result<()> {
         let size = self.geometry.frame_bytes();
         self.check(packed.len(), file.len())?;
@@ -86,9 +86,9 @@ impl Codec {
     /// Decodes consecutive frames of the file to packed frames.
     ///
     /// # Errors
-    /// * [`ErrorKind::Usage`] if the slices do not contain the same number of whole frames.
-    /// * [`ErrorKind::Input`] if a frame in layout `npy-bytes` does not consist of 0 and 1 only, or of 0 and 255 only.
-    /// * [`ErrorKind::Input`] if a frame in layout `rows1024` lacks its first or last tag.
+    /// * [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the slices do not contain the same number of whole frames.
+    /// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) if a frame in layout `npy-bytes` does not consist of 0 and 1 only, or of 0 and 255 only.
+    /// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) if a frame in layout `rows1024` lacks its first or last tag.
     pub fn decode(&self, file: &[u8], packed: &mut [u8]) -> Result<()> {
         let size = self.geometry.frame_bytes();
         self.check(packed.len(), file.len())?;
@@ -136,33 +136,23 @@ impl Codec {
         {
             return Ok(());
         }
-        Err(Error::new(ErrorKind::Usage, "frames")
-            .found(format_args!("{} for {} of the file", Count(packed, "packed byte"), Count(file, "byte")))
-            .expected(format_args!(
-                "{size} for every {} ({}, layout {})",
-                self.frame_bytes, self.geometry, self.layout
-            )))
+        Err(error!(Usage, "frames";
+            found "{} for {} of the file", Count(packed, "packed byte"), Count(file, "byte");
+            expected "{size} for every {} ({}, layout {})", self.frame_bytes, self.geometry, self.layout))
     }
 
     fn not_binary_error(&self, frame: usize, pixel: usize, value: u8) -> Error {
         let (row, col) = (pixel / self.geometry.width(), pixel % self.geometry.width());
-        Error::new(ErrorKind::Input, format_args!("frame {frame}"))
-            .found(format_args!("the value {value} at row {row}, col {col}"))
-            .expected("0 and 1, or 0 and 255, for layout npy-bytes")
-            .remedy(format_args!(
-                "set {} to npy-bits or npy-bits-msb if each byte contains eight pixels",
-                Setting("layout")
-            ))
+        error!(Input, "frame {frame}"; found "the value {value} at row {row}, col {col}";
+            expected "0 and 1, or 0 and 255, for layout npy-bytes";
+            remedy "set {} to npy-bits or npy-bits-msb if each byte contains eight pixels", Setting("layout"))
     }
 }
 
 fn missing_frame_error(frame: usize) -> Error {
-    Error::new(ErrorKind::Input, format_args!("frame {frame}"))
-        .found("no tags (line 500, channel 0) and (500, 3) at the ends")
-        .expected("a whole frame of layout rows1024")
-        .remedy(format_args!(
-            "the recording lost bytes before frame {frame}; read only the readouts before this frame"
-        ))
+    error!(Input, "frame {frame}"; found "no tags (line 500, channel 0) and (500, 3) at the ends";
+        expected "a whole frame of layout rows1024";
+        remedy "the recording lost bytes before frame {frame}; read only the readouts before this frame")
 }
 
 impl Layout {
@@ -170,7 +160,7 @@ impl Layout {
     /// [`StreamWriter`](crate::formats::StreamWriter).
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the layout does not support the geometry, or if a slice has the wrong length.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the layout does not support the geometry, or if a slice has the wrong length.
     pub fn encode_frame(self, geometry: Geometry, packed: &[u8], file: &mut [u8]) -> Result<()> {
         Codec::new(self, geometry)?.encode(packed, file)
     }
@@ -178,7 +168,7 @@ impl Layout {
     /// Decodes the bytes of one frame in this layout to a packed frame.
     ///
     /// # Errors
-    /// As [`encode_frame`](Self::encode_frame). Also [`ErrorKind::Input`] if the bytes are invalid in this layout.
+    /// As [`encode_frame`](Self::encode_frame). Also [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the bytes are invalid in this layout.
     pub fn decode_frame(self, geometry: Geometry, file: &[u8], packed: &mut [u8]) -> Result<()> {
         Codec::new(self, geometry)?.decode(file, packed)
     }

@@ -1,7 +1,8 @@
 //! Layouts of streams in files: names, frame sizes and headers.
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail, error};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::named_variants;
 
 /// Size limit of all frames of a stream in bytes. File offsets have 63 bits, and 1 MiB is reserved for the header.
 const MAX_DATA_BYTES: u64 = i64::MAX as u64 - (1 << 20);
@@ -42,47 +43,18 @@ pub enum Layout {
     NpyBitsMsb,
 }
 
+named_variants!(Layout, "layout" {
+    Dat = "dat", DatTop = "dat-top", Rows416 = "rows416", Rows1024 = "rows1024", NpyBits = "npy-bits",
+    NpyBytes = "npy-bytes", DatMsb = "dat-msb", DatTopMsb = "dat-top-msb", NpyBitsMsb = "npy-bits-msb",
+});
+
 impl Layout {
-    /// All layouts.
-    pub const ALL: [Self; 9] = [
-        Self::Dat,
-        Self::DatTop,
-        Self::Rows416,
-        Self::Rows1024,
-        Self::NpyBits,
-        Self::NpyBytes,
-        Self::DatMsb,
-        Self::DatTopMsb,
-        Self::NpyBitsMsb,
-    ];
-
-    /// Returns the name of the layout in arguments and sidecars.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Dat => "dat",
-            Self::DatTop => "dat-top",
-            Self::Rows416 => "rows416",
-            Self::Rows1024 => "rows1024",
-            Self::NpyBits => "npy-bits",
-            Self::NpyBytes => "npy-bytes",
-            Self::DatMsb => "dat-msb",
-            Self::DatTopMsb => "dat-top-msb",
-            Self::NpyBitsMsb => "npy-bits-msb",
-        }
-    }
-
     /// Returns the layout with this name.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the name is unknown. The error lists all names.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the name is unknown. The error lists all names.
     pub fn parse(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|l| l.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, "layout")
-                .found(format_args!("'{name}'"))
-                .expected(Self::ALL.map(Self::name).join(", "))
-                .with_suggestion(name, Self::ALL.map(Self::name))
-        })
+        name.parse()
     }
 
     /// Returns the usual file extension of this layout, without the dot.
@@ -134,7 +106,7 @@ impl Layout {
     /// ```
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if `requested` does not match the extension, or if no layout uses the extension.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `requested` does not match the extension, or if no layout uses the extension.
     pub fn for_path(path: &std::path::Path, requested: Option<Self>) -> Result<Self> {
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         let default_layout = match ending.as_deref() {
@@ -143,10 +115,9 @@ impl Layout {
             // extension.
             None | Some("dat" | "bin" | "raw") => Self::Dat,
             Some(other) => {
-                return Err(Error::new(ErrorKind::Usage, path.display())
-                    .found(format_args!("the file extension .{other}"))
-                    .expected("an extension of a writable stream: .npy, .dat, .bin or .raw")
-                    .remedy("write .npy, which numpy.load reads, and convert it with numpy.savez or h5py"));
+                bail!(Usage, "{}", path.display(); found "the file extension .{other}";
+                    expected "an extension of a writable stream: .npy, .dat, .bin or .raw";
+                    remedy "write .npy, which numpy.load reads, and convert it with numpy.savez or h5py");
             }
         };
         let layout = requested.unwrap_or(default_layout);
@@ -154,10 +125,9 @@ impl Layout {
             return Ok(layout);
         }
         let name = layout.default_extension();
-        Err(Error::new(ErrorKind::Usage, path.display())
-            .found(format_args!("layout {layout} with the file extension .{}", ending.unwrap_or_default()))
-            .expected(format_args!("a name that ends in .{name}"))
-            .remedy("correct the name, or choose another layout"))
+        Err(error!(Usage, "{}", path.display();
+            found "layout {layout} with the file extension .{}", ending.unwrap_or_default();
+            expected "a name that ends in .{name}"; remedy "correct the name, or choose another layout"))
     }
 
     /// Returns a warning if other programs misread streams of this layout and geometry, or `None` otherwise.
@@ -200,13 +170,11 @@ impl Layout {
     /// Returns the number of bytes of one frame in the file.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] if the layout does not support the geometry.
+    /// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the layout does not support the geometry.
     pub fn frame_bytes(self, geometry: Geometry) -> Result<usize> {
         if let Some(only) = self.fixed_geometry().filter(|&g| g != geometry) {
-            return Err(Error::new(ErrorKind::Usage, format_args!("layout {}", self.name()))
-                .found(format_args!("a {geometry} stream"))
-                .expected(format_args!("{only}, the only size of this layout"))
-                .remedy("choose another layout, such as dat"));
+            bail!(Usage, "layout {}", self.name(); found "a {geometry} stream";
+                expected "{only}, the only size of this layout"; remedy "choose another layout, such as dat");
         }
         Ok(match self {
             Self::Dat | Self::DatTop | Self::DatMsb | Self::DatTopMsb => geometry.frame_bytes(),
@@ -219,7 +187,7 @@ impl Layout {
 
     /// Returns the number of bytes of a file with `readouts` frames, including the header.
     ///
-    /// # Errors [`ErrorKind::Usage`] as in [`frame_bytes`](Self::frame_bytes). Also [`ErrorKind::Usage`] if the file
+    /// # Errors [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) as in [`frame_bytes`](Self::frame_bytes). Also [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if the file
     /// length is 2^63 bytes or more.
     pub fn file_bytes(self, geometry: Geometry, readouts: u64) -> Result<u64> {
         let header = self.header(geometry, readouts)?.len() as u64;
@@ -231,23 +199,8 @@ impl Layout {
             .checked_mul(self.frame_bytes(geometry)? as u64)
             .filter(|&bytes| bytes <= MAX_DATA_BYTES)
             .ok_or_else(|| {
-                Error::new(ErrorKind::Usage, "readouts")
-                    .found(readouts)
-                    .expected(format_args!("a stream of at most {MAX_DATA_BYTES} bytes"))
+                error!(Usage, "readouts"; found "{readouts}";
+                    expected "a stream of at most {MAX_DATA_BYTES} bytes")
             })
-    }
-}
-
-impl std::fmt::Display for Layout {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl std::str::FromStr for Layout {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self> {
-        Self::parse(name)
     }
 }

@@ -1,7 +1,7 @@
 //! `.npy` arrays of packed bits with shape (T, H, ceil(W/8)), or of bytes 0 and 1 with shape (T, H, W).
 
 use super::bits::copy_bits;
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, Result, Setting, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::npy::{self, Element, Header};
 
@@ -43,10 +43,9 @@ pub(crate) fn array_header(name: &str, header: &Header) -> Result<ArrayHeader> {
             3.. => "save one stream of the array",
             _ => "pass a recording of spikes; a map or an image has no axis of readouts",
         };
-        Error::new(ErrorKind::Input, name)
-            .found(format_args!("shape {:?}", header.shape))
-            .expected("an array with axes (T, H, W), or with four axes of which one is a channel of length 1")
-            .remedy(remedy)
+        error!(Input, "{name}"; found "shape {:?}", header.shape;
+            expected "an array with axes (T, H, W), or with four axes of which one is a channel of length 1";
+            remedy "{remedy}")
     })?;
     Ok(ArrayHeader {
         shape,
@@ -67,22 +66,15 @@ fn to_three_axes(shape: &[u64]) -> Option<[u64; 3]> {
 
 /// Returns the error for frames whose geometry differs from `wanted`.
 pub(crate) fn geometry_error(name: &str, found: Geometry, wanted: Geometry) -> Error {
-    Error::new(ErrorKind::Input, name)
-        .found(format_args!("frames of {found}"))
-        .expected(format_args!("{wanted}"))
-        .remedy(format_args!("omit {} and {}, or correct them", Setting("width"), Setting("height")))
+    error!(Input, "{name}"; found "frames of {found}"; expected "{wanted}";
+        remedy "omit {} and {}, or correct them", Setting("width"), Setting("height"))
 }
 
 /// Returns the error for a shape that does not contain frames of geometry `wanted` in any axis order.
 pub(crate) fn axis_order_error(name: &str, shape: [u64; 3], wanted: Geometry) -> Error {
-    Error::new(ErrorKind::Input, name)
-        .found(format_args!("shape {shape:?}"))
-        .expected(format_args!(
-            "frames of {wanted}: (T, {h}, {w}) or ({h}, {w}, T)",
-            h = wanted.height(),
-            w = wanted.width()
-        ))
-        .remedy(format_args!("correct {} and {}", Setting("width"), Setting("height")))
+    error!(Input, "{name}"; found "shape {shape:?}";
+        expected "frames of {wanted}: (T, {0}, {1}) or ({0}, {1}, T)", wanted.height(), wanted.width();
+        remedy "correct {} and {}", Setting("width"), Setting("height"))
 }
 
 /// Returns the number of bytes of a packed frame in which each row starts at a byte boundary.

@@ -16,7 +16,7 @@ use super::array::incomplete_array_error;
 use super::{ArrayHeader, PackedStream, ReadoutAxis, array_header, pack};
 use crate::Archive;
 use crate::formats::source::ByteSource;
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use spikelane::error::{Error, Result, Setting, bail, error};
 use spikelane::spikes::{Geometry, set_bit};
 use spikelane::unstable::Count;
 use spikelane::unstable::inputs;
@@ -55,9 +55,8 @@ pub(crate) fn read(
     let header = Header::read(&subject, &mut file)?;
     let array = array_header(&subject, &header)?;
     if array.data_bytes().is_none_or(|n| n > MAX_RATIO.saturating_mul(source.len() as u64)) {
-        return Err(Error::new(ErrorKind::Input, subject)
-            .found(format_args!("an array {:?}, larger than the archive", array.shape))
-            .expected("an archive written by numpy.savez"));
+        bail!(Input, "{subject}"; found "an array {:?}, larger than the archive", array.shape;
+            expected "an archive written by numpy.savez");
     }
     let packing = match length {
         Some(length) => unpack_eight_per_byte(&subject, &array, length, &mut file)?,
@@ -72,10 +71,9 @@ pub(crate) fn read(
 /// Returns the name of the array that contains the stream.
 fn find_key(name: &str, arrays: &[String], wanted: Option<&str>) -> Result<String> {
     if arrays.is_empty() {
-        return Err(Error::new(ErrorKind::Input, name)
-            .found("a zip archive without NumPy arrays")
-            .expected("an .npz file written by numpy.savez")
-            .remedy("unpack the archive; save the array of a PyTorch file with numpy.save"));
+        bail!(Input, "{name}"; found "a zip archive without NumPy arrays";
+            expected "an .npz file written by numpy.savez";
+            remedy "unpack the archive; save the array of a PyTorch file with numpy.save");
     }
     let has = |key: &str| arrays.iter().any(|a| a == key);
     let chosen_key = match (wanted, arrays) {
@@ -84,10 +82,9 @@ fn find_key(name: &str, arrays: &[String], wanted: Option<&str>) -> Result<Strin
         (None, _) => ["spk", "seq", "arr_0"].into_iter().find(|key| has(key)),
     };
     chosen_key.map(str::to_owned).ok_or_else(|| {
-        Error::new(ErrorKind::Usage, name)
-            .found(format_args!("arrays [{}]", arrays.join(", ")))
-            .expected(wanted.map_or("an array named spk, seq or arr_0".to_owned(), |k| format!("'{k}'")))
-            .remedy(format_args!("name the array with {}", Setting("key")))
+        error!(Usage, "{name}"; found "arrays [{}]", arrays.join(", ");
+            expected "{}", wanted.map_or("an array named spk, seq or arr_0".to_owned(), |k| format!("'{k}'"));
+            remedy "name the array with {}", Setting("key"))
     })
 }
 
@@ -129,14 +126,9 @@ pub(crate) fn ambiguous_axes_error(subject: &str, shape: [u64; 3], remedy: std::
         }
         None => format!("no stream, axes {}", axes.name()),
     };
-    Error::new(ErrorKind::Usage, subject)
-        .found(format_args!(
-            "shape {shape:?}, which is {}, or {}",
-            describe(ReadoutAxis::First),
-            describe(ReadoutAxis::Last)
-        ))
-        .expected("unambiguous axes")
-        .remedy(remedy)
+    error!(Usage, "{subject}";
+        found "shape {shape:?}, which is {}, or {}", describe(ReadoutAxis::First), describe(ReadoutAxis::Last);
+        expected "unambiguous axes"; remedy "{remedy}")
 }
 
 /// Reads the only number in the array `length` of an RSIR archive.
@@ -147,9 +139,8 @@ fn read_length(name: &str, archive: &mut Archive<impl Read + Seek>) -> Result<u6
     let (_, values) = spikelane::unstable::npy::read_values(&subject, &bytes)?;
     match values[..] {
         [n] if (1.0..=1e12).contains(&n) && n.fract() == 0.0 => Ok(n as u64),
-        _ => Err(Error::new(ErrorKind::Input, subject)
-            .found(Count(values.len(), "value"))
-            .expected("a single number: the number of readouts, as in RSIR")),
+        _ => Err(error!(Input, "{subject}"; found "{}", Count(values.len(), "value");
+            expected "a single number: the number of readouts, as in RSIR")),
     }
 }
 
@@ -161,9 +152,8 @@ fn unpack_eight_per_byte(
     source: &mut impl Read,
 ) -> Result<PackedStream> {
     let bad = |found: String| {
-        Error::new(ErrorKind::Input, subject)
-            .found(found)
-            .expected("the array seq of RSIR: u8 of (readouts / 8, H, W)")
+        error!(Input, "{subject}"; found "{found}";
+            expected "the array seq of RSIR: u8 of (readouts / 8, H, W)")
     };
     let (groups, geometry) = ReadoutAxis::First
         .readouts_and_geometry(array.shape)

@@ -5,10 +5,11 @@ use std::io::Cursor;
 use image::{ExtendedColorType, ImageEncoder};
 use serde::{Deserialize, Serialize};
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, bail, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
 use spikelane::unstable::light::srgb_byte;
+use spikelane::unstable::named_variants;
 use spikelane::unstable::npy::{self, Element};
 
 /// The file format of reference images.
@@ -24,20 +25,9 @@ pub enum ImageFormat {
     F32,
 }
 
+named_variants!(ImageFormat, "image format" { U8 = "u8", U16 = "u16", F32 = "f32" });
+
 impl ImageFormat {
-    /// All formats.
-    pub const ALL: [Self; 3] = [Self::U8, Self::U16, Self::F32];
-
-    /// Returns the name of the format in arguments and sidecars.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::U8 => "u8",
-            Self::U16 => "u16",
-            Self::F32 => "f32",
-        }
-    }
-
     /// Returns the file extension of the format.
     #[must_use]
     pub const fn extension(self) -> &'static str {
@@ -61,7 +51,7 @@ impl ImageFormat {
     /// value per pixel, or red, green and blue of each pixel. An array of colors has the shape (height, width, 3).
     ///
     /// # Errors
-    /// [`ErrorKind::Input`] if the number of values in `light` is neither the number of pixels of `geometry` nor three
+    /// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the number of values in `light` is neither the number of pixels of `geometry` nor three
     /// times this number.
     pub fn encode(self, light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
         let is_color = light.len() == 3 * geometry.pixels();
@@ -102,24 +92,6 @@ impl ImageFormat {
     }
 }
 
-impl std::fmt::Display for ImageFormat {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl std::str::FromStr for ImageFormat {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|f| f.name() == name).ok_or_else(|| {
-            Error::new(ErrorKind::Usage, "image format")
-                .found(format_args!("`{name}`"))
-                .expected("u8, u16 or f32")
-        })
-    }
-}
-
 /// Encodes `light` as an 8-bit PNG whose codes are proportional to light. Light 1.0 has code 255. Light above 1.0 is
 /// clipped.
 ///
@@ -135,14 +107,13 @@ pub fn linear_png(light: &[f32], geometry: Geometry) -> Result<Vec<u8>> {
 fn png(bytes: &[u8], geometry: Geometry, kind: ExtendedColorType) -> Result<Vec<u8>> {
     let expected = geometry.pixels() * usize::from(kind.bits_per_pixel()) / 8;
     if bytes.len() != expected {
-        return Err(Error::new(ErrorKind::Input, "reference image")
-            .found(format_args!("{} of samples", Count(bytes.len(), "byte")))
-            .expected(format_args!("{expected}, for {geometry}")));
+        bail!(Input, "reference image"; found "{} of samples", Count(bytes.len(), "byte");
+            expected "{expected}, for {geometry}");
     }
     let mut out = Cursor::new(Vec::new());
     image::codecs::png::PngEncoder::new(&mut out)
         .write_image(bytes, geometry.width() as u32, geometry.height() as u32, kind)
-        .map_err(|e| Error::new(ErrorKind::Input, "reference image").found(e))?;
+        .map_err(|e| error!(Input, "reference image"; found "{e}"))?;
     Ok(out.into_inner())
 }
 

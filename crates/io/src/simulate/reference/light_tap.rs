@@ -2,7 +2,7 @@
 
 use crate::light::{Frame, Source, Timeline};
 use crate::simulate::feed::{LightFeeder, LightPiece, next_frame};
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Result, error};
 
 /// The light of one readout near the middle of a run. Programs display this light beside an image that is
 /// reconstructed from the stream.
@@ -58,13 +58,12 @@ impl LightTap<'_> {
 /// ```
 ///
 /// # Errors
-/// [`ErrorKind::Input`] if the source ends before this readout. Also errors of the source.
+/// [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the source ends before this readout. Also errors of the source.
 pub fn light_at(source: &mut dyn Source, timeline: Timeline, readout: u64) -> Result<Frame> {
     let description = source.describe();
     let ended = || {
-        Error::new(ErrorKind::Input, &description)
-            .found("the end of the input")
-            .expected(format_args!("light for readout {readout}, counted from 0"))
+        error!(Input, "{description}"; found "the end of the input";
+            expected "light for readout {readout}, counted from 0")
     };
     let first = next_frame(source)?.ok_or_else(ended)?;
     let mut feeder = LightFeeder::new(source, first, timeline, readout.saturating_add(1), 1.0);
