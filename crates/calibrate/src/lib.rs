@@ -37,10 +37,9 @@ pub use recordings::protocol::{Precision, predict_precision};
 pub use recordings::protocol::{Protocol, RecordedSet};
 pub use recordings::published_maps::import_maps;
 pub use recordings::recorded_camera::RecordedCamera;
-pub use recordings::recording_set::UNSPECIFIED_LIGHT;
+pub use recordings::recording_set::{DEFAULT_LIGHT_UNCERTAINTY, UNSPECIFIED_LIGHT};
 pub use recordings::recording_set::{RateMap, Recording, RecordingSet, Stimulus, StimulusPattern};
 pub use recordings::sources::DEFAULT_SOURCE_REPEATABILITY;
-pub use result::DEFAULT_LIGHT_UNCERTAINTY;
 pub use result::{
     AdditiveSum, Additivity, CalibrateOptions, Calibration, ChannelFit, FieldTerm, Lamp, LightField,
 };

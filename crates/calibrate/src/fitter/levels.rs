@@ -74,7 +74,9 @@ impl Fitter<'_> {
             let sd = |s: &Source| s.light * self.light_uncertainty.unwrap_or(s.uncertainty);
             return level.sources.sources.iter().map(|s| sd(s).powi(2)).sum::<f64>().sqrt() / level.light;
         }
-        self.light_uncertainty.or(level.light_uncertainty).unwrap_or(crate::result::DEFAULT_LIGHT_UNCERTAINTY)
+        self.light_uncertainty
+            .or(level.light_uncertainty)
+            .unwrap_or(crate::recordings::recording_set::DEFAULT_LIGHT_UNCERTAINTY)
     }
 
     /// Moves the `used` levels to the aligned scale. `independent` are the levels that were aligned.

@@ -4,6 +4,7 @@ pub(super) mod check;
 pub(super) mod color_filters;
 pub(super) mod drift;
 pub(super) mod light_change;
+pub(super) mod light_unit;
 pub(super) mod measure_levels;
 pub(super) mod observations;
 pub(super) mod protocol;
