@@ -21,4 +21,4 @@ pub use plot::{Plot, PlotPoint};
 pub use ranked_bars::{RankedRow, ranked_bars};
 pub use rounding::{RoundedValue, with_error, with_interval, without_error};
 pub use run_record::{InputRecord, RunRecord};
-pub use table::{Cell, Table};
+pub use table::{Cell, Table, row};

@@ -210,6 +210,13 @@ impl Report {
         self.elements.extend(elements);
     }
 
+    /// Adds a list of sentences below a heading. An empty list is omitted.
+    pub fn push_list(&mut self, heading: &str, items: Vec<String>) {
+        if !items.is_empty() {
+            self.extend([PageElement::heading(heading), PageElement::List { items }]);
+        }
+    }
+
     /// Adds a table. A table without rows is omitted.
     pub fn push_table(&mut self, table: Table) {
         if !table.rows.is_empty() {
