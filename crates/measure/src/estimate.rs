@@ -188,30 +188,3 @@ pub fn median_and_spread(values: &mut [f64]) -> (f64, f64) {
     let mut deviations: Vec<f64> = values.iter().map(|x| (x - center).abs()).collect();
     (center, 1.4826 * median(&mut deviations))
 }
-
-/// Returns the mean of the finite values without the share `trim` of lowest values and the share `trim` of highest
-/// values.
-///
-/// The standard error is the Winsorized standard deviation divided by `(1 - 2 trim) sqrt(n)` for `n` values (Tukey and
-/// McLaughlin 1963).
-///
-/// # Examples
-/// ```
-/// // A fifth of the values is removed at each end.
-/// let mean = spikelane_measure::trimmed_mean(&[-1000.0, 1.0, 2.0, 3.0, 1000.0], 0.2);
-/// assert_eq!(mean.value, 2.0);
-/// ```
-#[must_use]
-pub fn trimmed_mean(map: &[f64], trim: f64) -> Estimate {
-    let mut values = finite_values(map);
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    let cut = ((n as f64 * trim.clamp(0.0, 0.49)) as usize).min(n.saturating_sub(1) / 2);
-    let trimmed = &values[cut..n - cut];
-    let value = Estimate::mean(trimmed.iter().copied()).value;
-    let (Some(low), Some(high)) = (trimmed.first(), trimmed.last()) else {
-        return Estimate::mean([]);
-    };
-    let winsorized = Estimate::mean(values.iter().map(|x| x.clamp(*low, *high)));
-    Estimate { value, error: winsorized.error / (trimmed.len() as f64 / n as f64), samples: n }
-}

@@ -27,8 +27,7 @@ const BUFFER_READOUTS: usize = 248;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct MeasuredRecording {
-    /// Statistics of the whole recording, without the deviations of single readouts
-    /// ([`Intervals::deviations`](crate::Intervals::deviations)).
+    /// Statistics of the whole recording.
     pub statistics: Statistics,
     pub(super) scatter: Scatter,
 }
@@ -45,14 +44,13 @@ pub struct RecordingAccumulator {
 impl RecordingAccumulator {
     /// Returns an empty accumulator for `readouts` readouts of a sensor.
     ///
-    /// The accumulator uses the default options, but it does not measure deviations of single readouts.
+    /// The accumulator uses the default options.
     ///
     /// # Errors
     /// Those of [`Accumulator::new`].
     pub fn new(geometry: Geometry, readouts: usize) -> Result<Self> {
         let options = MeasureOptions::default();
-        // The report does not use the deviations of single readouts. Measuring them would take a third of the time.
-        let of_pixels = MeasureOptions { frames: false, series_readouts: 0, ..options.clone() };
+        let of_pixels = MeasureOptions { frames: false, ..options.clone() };
         let of_frames = MeasureOptions { counts: false, intervals: false, ..options.clone() };
         let mut accumulators = band_accumulators(geometry, &of_pixels)?;
         accumulators.push(Accumulator::new(geometry, &of_frames)?);
