@@ -6,6 +6,7 @@ use crate::light::offsets::columns;
 use crate::null_model::metric::{Bound, Metric};
 use crate::null_model::model::NullModel;
 use crate::null_model::signature::Signature;
+use crate::null_model::vectors::beside;
 use crate::sensors::catalog::Candidate;
 use crate::sensors::model::Model;
 use crate::thresholds::{
@@ -119,12 +120,7 @@ impl Fit {
 
     /// Directions of the numbers, and then those of the lamps with a unit for each uncertainty.
     pub(crate) fn directions_with_lamps(&self, reference: &NullModel) -> DMatrix<f64> {
-        let (numbers, lamps) =
-            (self.directions(reference), columns(&reference.lamp_slopes, &reference.model));
-        let mut all = DMatrix::zeros(numbers.nrows(), numbers.ncols() + lamps.ncols());
-        all.columns_mut(0, numbers.ncols()).copy_from(&numbers);
-        all.columns_mut(numbers.ncols(), lamps.ncols()).copy_from(&lamps);
-        all
+        beside(&self.directions(reference), &columns(&reference.lamp_slopes, &reference.model))
     }
 
     /// Whether one of its effects sets in late.
@@ -247,11 +243,7 @@ impl Fit {
 
     /// Directions that the data have been fitted along: base knobs and effects' knobs.
     pub(crate) fn directions(&self, reference: &NullModel) -> DMatrix<f64> {
-        let (rows, base, own) = (self.mean.len(), reference.jacobian.ncols(), self.jacobian.ncols());
-        let mut all = DMatrix::zeros(rows, base + own);
-        all.columns_mut(0, base).copy_from(self.crossed.as_ref().unwrap_or(&reference.jacobian));
-        all.columns_mut(base, own).copy_from(&self.jacobian);
-        all
+        beside(self.crossed.as_ref().unwrap_or(&reference.jacobian), &self.jacobian)
     }
 }
 

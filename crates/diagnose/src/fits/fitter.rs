@@ -3,9 +3,9 @@
 use crate::events::locations::kind_index;
 use crate::fits::fit::Fit;
 use crate::fits::likelihood::Likelihood;
-use crate::null_model::mean::{average, shrink};
 use crate::null_model::metric::Metric;
 use crate::null_model::model::NullModel;
+use crate::null_model::vectors::{average, differences, matrix, shrink};
 use crate::thresholds::EVENT_PAIRS;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
@@ -59,7 +59,7 @@ pub(crate) fn unlocated_event_columns(reference: &NullModel, fit: &Fit) -> Resul
         let mut fewer = fit.u.clone();
         fewer[j] *= 0.5;
         let fewer = reference.mean_of(&fit.model, &fewer, EVENT_PAIRS.min(fit.each.len()), Vec::new())?;
-        let change: Vec<DVector<f64>> = fewer.each.iter().zip(&fit.each).map(|(a, b)| b - a).collect();
+        let change = differences(&fit.each, &fewer.each);
         let change = shrink(2.0 * average(&change), &reference.spread, change.len());
         for k in scenes {
             let expected = probability * reference.setup.recordings[k].readouts as f64;
@@ -68,7 +68,7 @@ pub(crate) fn unlocated_event_columns(reference: &NullModel, fit: &Fit) -> Resul
         }
     }
     columns.retain(|c| c.amax() > 0.0);
-    Ok(if columns.is_empty() { DMatrix::zeros(fit.mean.len(), 0) } else { DMatrix::from_columns(&columns) })
+    Ok(matrix(&columns, fit.mean.len()))
 }
 
 /// Returns the metric of the null model in which any number of events is no misfit.

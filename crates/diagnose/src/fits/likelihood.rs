@@ -1,9 +1,9 @@
 //! How likely a fitted model makes data, by the noise that it has itself.
 
 use crate::light::offsets::columns;
-use crate::null_model::mean::average;
 use crate::null_model::metric::{Metric, Noise};
 use crate::null_model::model::NullModel;
+use crate::null_model::vectors::average;
 use crate::thresholds::{MIN_WIDER_VARIANCE, PRIOR_SIMULATIONS};
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;

@@ -7,8 +7,8 @@
 
 use crate::fits::fit::Fit;
 use crate::fits::fitter::Fitter;
-use crate::null_model::mean::average;
 use crate::null_model::metric::Metric;
+use crate::null_model::vectors::{average, differences};
 use nalgebra::DVector;
 use spikelane::error::Result;
 
@@ -58,7 +58,7 @@ fn errors(each: &[DVector<f64>], baseline: &[DVector<f64>]) -> Vec<DVector<f64>>
     if each.len() < 2 {
         return Vec::new();
     }
-    let change: Vec<DVector<f64>> = each.iter().zip(baseline).map(|(s, b)| s - b).collect();
+    let change = differences(each, baseline);
     // A simulation's variance is the sum of squares over n - 1, that of the mean an nth of it.
     let scale = 1.0 / ((each.len() * (each.len() - 1)) as f64).sqrt();
     let about = |rows: &[DVector<f64>]| -> Vec<DVector<f64>> {

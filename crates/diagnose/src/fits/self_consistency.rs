@@ -9,14 +9,13 @@ use crate::null_model::limits::{ALARM, Limits, center, gamma_limit, strays_by};
 use crate::null_model::metric::Metric;
 use crate::null_model::model::NullModel;
 use crate::null_model::signature::Signature;
+use crate::null_model::vectors::{mean_squares, normal_vectors};
 use crate::sensors::simulate;
 use crate::thresholds::{
     CALIBRATION_INFORMATION, MAX_REFITS, MEAN_SIMULATIONS, REDRAWN_SIMULATIONS, SOME_SIMULATIONS,
 };
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
-use spikelane::unstable::draws::pattern_rng::PatternRng;
-use spikelane::unstable::draws::{RandomStream, Seeds};
 use spikelane::unstable::threads;
 
 /// What simulations of the fitted model itself look like.
@@ -116,10 +115,7 @@ impl Fitter<'_> {
         let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
         let one = |i: usize| -> Result<Redrawn> {
             let seed = reference.seed + 50_000 + i as u64;
-            let mut normals =
-                PatternRng::new(Seeds { camera: seed, shot: 0, sequence: 0 }, RandomStream::from_name("own"))
-                    .normals();
-            let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
+            let mut draw = normal_vectors(seed, "own");
             let wanted = &root * draw(n);
             let off = LampDraw::new(lamps, &draw(lamps.len()));
             let place = |j: usize| {
@@ -127,11 +123,11 @@ impl Fitter<'_> {
                 knob.clamped(fit.u[j] + wanted[j].clamp(-most, most))
             };
             let u: Vec<f64> = (0..n).map(place).collect();
-            let sample = fit.model.sample(&u, off.simulated.as_slice(), reference.setup.recordings.len())?;
+            let sample = fit.model.sample(&u, off.simulated.as_slice())?;
             let moved = DVector::from_fn(n, |j, _| u[j] - fit.u[j]);
-            let simulated = DVector::from_vec(simulate::values(&reference.setup, &sample, seed)?);
-            let vector =
-                simulated + &reference.lamp_slopes * off.remainder() - reference.lamp_shift(&fit.model);
+            let vector = simulate::values(&reference.setup, &sample, seed)?
+                + &reference.lamp_slopes * off.remainder()
+                - reference.lamp_shift(&fit.model);
             Ok(Redrawn { moved, vector, by_lamps: &reference.lamp_slopes * &off.whole })
         };
         threads::try_map(0..REDRAWN_SIMULATIONS, one)
@@ -164,14 +160,13 @@ impl Fitter<'_> {
 fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64> {
     let errors: Vec<DVector<f64>> =
         redrawn.iter().map(|r| metric.fit(&(&r.vector - mean)) - &r.moved).collect();
-    let linear = metric.covariance();
-    let n = errors.len() as f64;
-    let of_knob = |j: usize| {
-        let square = errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / n;
-        // The model's mean has noise of its own.
-        (square * (1.0 + 1.0 / MEAN_SIMULATIONS as f64)).max(linear[(j, j)]).sqrt()
-    };
-    (0..linear.nrows()).map(of_knob).collect()
+    // The model's mean has noise of its own.
+    let squares = mean_squares(&errors) * (1.0 + 1.0 / MEAN_SIMULATIONS as f64);
+    squares
+        .iter()
+        .zip(metric.covariance().diagonal().iter())
+        .map(|(s, linear)| s.max(*linear).sqrt())
+        .collect()
 }
 
 pub(crate) fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {

@@ -3,8 +3,8 @@
 use crate::fits::fit::{DerivativeOrigin, Fit};
 use crate::fits::fitter::Fitter;
 use crate::null_model::derivatives::step as base_step;
-use crate::null_model::mean::{average, shrink};
 use crate::null_model::model::NullModel;
+use crate::null_model::vectors::{average, differences, matrix, shrink};
 use crate::sensors::model::find_base_knob;
 use crate::thresholds::{
     MAX_SLOPE_MOVE, MIN_CHANGE_SIMULATIONS, MIN_CROWDED_STATISTICS, MIN_EFFECT_CHANGE_SDS,
@@ -76,19 +76,15 @@ impl Fitter<'_> {
                 Ok(self.reference.mean_of(&fit.model, &u, count, Vec::new())?.each)
             };
             let (from, to) = (at(low)?, at(high)?);
-            let change: Vec<_> = to.iter().zip(&from).map(|(a, b)| a - b).collect();
-            let mut plain = shrink(average(&change), &self.reference.spread, count);
+            let change = average(&differences(&to, &from));
+            let mut plain = shrink(change, &self.reference.spread, count);
             unmoved[effect].iter().for_each(|i| plain[*i] = 0.0);
             Ok(plain / (high - low))
         };
         let knobs: Vec<(usize, usize)> =
             (0..fit.effects.len()).flat_map(|e| fit.knobs_of(e).map(move |j| (e, j))).collect();
         let columns = threads::try_map(knobs, column)?;
-        fit.jacobian = if columns.is_empty() {
-            DMatrix::zeros(fit.mean.len(), 0)
-        } else {
-            DMatrix::from_columns(&columns)
-        };
+        fit.jacobian = matrix(&columns, fit.mean.len());
         fit.crossed = coupled_base_jacobian(self.reference, fit, count)?;
         fit.taken = DerivativeOrigin { at: fit.u.clone(), count, around, ..std::mem::take(&mut fit.taken) };
         Ok(())
@@ -150,10 +146,9 @@ pub(crate) fn coupled_base_jacobian(
         alone[j] = h;
         let beside = reference.mean_of(&fit.model, &beside, count, Vec::new())?.each;
         let alone = reference.mean_of(&reference.model, &alone, count, Vec::new())?.each;
-        let with = beside.iter().zip(&fit.each).map(|(a, b)| a - b);
-        let without = alone.iter().zip(&reference.baseline).map(|(a, b)| a - b);
-        let change: Vec<DVector<f64>> = with.zip(without).map(|(a, b)| a - b).collect();
-        Ok(plain + shrink(average(&change), &reference.spread, count) / h)
+        let (with, without) = (differences(&beside, &fit.each), differences(&alone, &reference.baseline));
+        let change = average(&differences(&with, &without));
+        Ok(plain + shrink(change, &reference.spread, count) / h)
     };
     let columns = threads::try_map(0..reference.model.knobs.len(), column)?;
     Ok(Some(DMatrix::from_columns(&columns)))

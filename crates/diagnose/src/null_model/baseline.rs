@@ -7,9 +7,9 @@
 use std::sync::atomic::AtomicUsize;
 
 use crate::null_model::derivatives::{Changes, changes, pairs, slopes_of_lamps, with_lamps};
-use crate::null_model::mean::average;
 use crate::null_model::progress::{Stage, count, watched};
 use crate::null_model::signature::{changed_by, is_mirrored};
+use crate::null_model::vectors::{average, spread};
 use crate::recordings::setup::Setup;
 use crate::sensors::catalog::{Candidate, candidates, searched_effects};
 use crate::sensors::deadline::SimulationContext;
@@ -101,7 +101,7 @@ impl Baseline {
         let StartingCamera { camera, vectors: existing, changes, context } = start;
         let model = Model::base(camera, &setup).with_context(&context);
         let (candidates, missing) = candidates_of(&setup, &model, effects);
-        let sample = model.sample(&[], &[], setup.recordings.len())?;
+        let sample = model.sample(&[], &[])?;
         let statistics = simulate::statistics(&setup, &sample, seed)?;
         let floors = statistics.iter().map(|s| s.floor).collect();
         let signatures: Vec<_> = candidates.into_iter().map(|c| (c, Vec::new())).collect();
@@ -158,12 +158,12 @@ impl Baseline {
             }
             lamp_changes.push(drawn.lamps);
         }
-        let sample = model.sample(&[], &[], setup.recordings.len())?;
+        let sample = model.sample(&[], &[])?;
         let vector = |i: usize| -> Result<DVector<f64>> {
             count(done);
             match existing.get(i) {
                 Some(vector) => Ok(vector.clone()),
-                None => Ok(DVector::from_vec(simulate::values(setup, &sample, seed + i as u64)?)),
+                None => simulate::values(setup, &sample, seed + i as u64),
             }
         };
         let more = threads::try_map(vectors.len()..sensors, vector)?;
@@ -195,9 +195,7 @@ impl Baseline {
 
     /// The standard deviation of each statistic.
     pub(super) fn spread(&self) -> Vec<f64> {
-        let mean = self.mean();
-        let square = |j: usize| self.vectors.iter().map(|b| (b[j] - mean[j]).powi(2)).sum::<f64>();
-        (0..mean.len()).map(|j| (square(j) / (self.vectors.len() - 1) as f64).sqrt()).collect()
+        spread(&self.vectors)
     }
 
     /// Changes per unit of each base number.

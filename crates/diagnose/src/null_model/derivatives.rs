@@ -5,8 +5,8 @@ use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 
 use crate::light::lamp::Lamp;
-use crate::null_model::mean::{average, shrink};
 use crate::null_model::progress::count;
+use crate::null_model::vectors::{average, matrix, shrink};
 use crate::recordings::scan::Scan;
 use crate::recordings::setup::Setup;
 use crate::sensors::model::{Knob, Model, find_base_knob};
@@ -45,17 +45,15 @@ pub(crate) fn lit(model: &Model) -> Vec<usize> {
 
 /// For each change of light only one recording is simulated again, and none where all vectors were kept.
 pub(crate) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<SimulatedVectors> {
-    let still = model.sample(&[], &[], setup.recordings.len())?;
+    let still = model.sample(&[], &[])?;
     if model.lamps.is_empty() {
-        let vector = DVector::from_vec(simulate::values(setup, &still, seed)?);
-        return Ok(SimulatedVectors { vector, lamps: Vec::new() });
+        return Ok(SimulatedVectors { vector: simulate::values(setup, &still, seed)?, lamps: Vec::new() });
     }
     let mut scanned: Option<Vec<Scan>> = None;
     let plain = simulate::cached_or(setup, &still, seed, || {
         let scans = scanned.insert(simulate::scans(setup, &still, seed)?);
         Ok(statistics_vector(setup, scans).values)
     })?;
-    let plain = DVector::from_vec(plain);
     let mut lamps = Vec::new();
     for k in lit(model) {
         let mut moved = still.clone();
@@ -70,16 +68,13 @@ pub(crate) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Simu
             scans[k] = own;
             Ok(values)
         })?;
-        lamps.push((DVector::from_vec(values) - &plain) / LAMP_STEP);
+        lamps.push((values - &plain) / LAMP_STEP);
     }
     Ok(SimulatedVectors { vector: plain, lamps })
 }
 
 /// Changes per unit of each lamp's deviation; `all` has the changes of each simulation per unit of light of each lit recording.
 pub(crate) fn slopes_of_lamps(all: &[Vec<DVector<f64>>], model: &Model, entries: usize) -> DMatrix<f64> {
-    if model.lamps.is_empty() {
-        return DMatrix::zeros(entries, 0);
-    }
     let lit = lit(model);
     let of_recording = |i: usize| average(&all.iter().map(|c| c[i].clone()).collect::<Vec<_>>());
     let of_recordings: Vec<DVector<f64>> = (0..lit.len()).map(of_recording).collect();
@@ -93,7 +88,7 @@ pub(crate) fn slopes_of_lamps(all: &[Vec<DVector<f64>>], model: &Model, entries:
             .reduce(|a, b| a + b)
             .unwrap_or_else(|| DVector::zeros(entries))
     };
-    DMatrix::from_columns(&model.lamps.iter().map(column).collect::<Vec<_>>())
+    matrix(&model.lamps.iter().map(column).collect::<Vec<_>>(), entries)
 }
 
 /// Changes by a step of every base number, for the draws of some seeds of which `baseline` has the vectors.
@@ -107,11 +102,11 @@ pub(crate) fn changes(
 ) -> Result<Changes> {
     let n = model.knobs.len();
     let one = |j: usize| -> Result<Vec<DVector<f64>>> {
-        let sample = model.sample(&stepped(model, j), &[], setup.recordings.len())?;
+        let sample = model.sample(&stepped(model, j), &[])?;
         let change = |i: usize| -> Result<DVector<f64>> {
             let values = simulate::values(setup, &sample, seed + i as u64)?;
             count(done);
-            Ok(DVector::from_vec(values) - &baseline[i])
+            Ok(values - &baseline[i])
         };
         threads::try_map(seeds.clone(), change)
     };
@@ -148,8 +143,7 @@ impl Changes {
         let column = |(j, all): (usize, &Vec<DVector<f64>>)| {
             shrink(average(all), spread, all.len()) / step(&model.knobs[j])
         };
-        let columns: Vec<_> = self.0.iter().enumerate().map(column).collect();
-        if columns.is_empty() { DMatrix::zeros(spread.len(), 0) } else { DMatrix::from_columns(&columns) }
+        matrix(&self.0.iter().enumerate().map(column).collect::<Vec<_>>(), spread.len())
     }
 }
 
@@ -186,9 +180,9 @@ mod tests {
         let lit = lit(&model);
         assert_eq!((lit.as_slice(), drawn.lamps.len()), ([1, 2, 3].as_slice(), 3));
         for (k, change) in lit.iter().zip(&drawn.lamps) {
-            let mut moved = model.sample(&[], &[], 4).unwrap();
+            let mut moved = model.sample(&[], &[]).unwrap();
             moved.lamps[*k] += LAMP_STEP;
-            let values = DVector::from_vec(simulate::values(&setup, &moved, 3).unwrap());
+            let values = simulate::values(&setup, &moved, 3).unwrap();
             assert_eq!(*change, (values - &drawn.vector) / LAMP_STEP);
             assert!(change.amax() > 0.0, "recording {k}");
         }

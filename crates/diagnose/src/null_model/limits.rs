@@ -150,12 +150,12 @@ pub(super) fn score_of(metric: &Metric, change: &DVector<f64>, dual: &DVector<f6
 
 /// Median and standard deviation.
 pub(crate) fn center(values: &[f64]) -> (f64, f64) {
-    let median = spikelane_measure::median(&mut values.to_vec());
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    (median, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
+    let (mean, n) = (moments(values).0, values.len() as f64);
+    let square = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
+    (spikelane_measure::median(&mut values.to_vec()), square.sqrt())
 }
 
+/// Mean and variance.
 fn moments(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;

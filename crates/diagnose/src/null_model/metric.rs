@@ -1,5 +1,6 @@
 //! How far two vectors of statistics are apart, with what calibration fits projected out.
 
+use crate::null_model::vectors::matrix;
 use crate::thresholds::MIN_CORRELATION_SDS;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use spikelane::error::{Error, ErrorKind, Result};
@@ -16,10 +17,7 @@ pub(crate) struct Noise {
 pub(crate) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> Result<Noise> {
     let n = residuals.len() as f64;
     let d = floors.len();
-    let mut sum = DMatrix::zeros(d, residuals.len());
-    for (i, r) in residuals.iter().enumerate() {
-        sum.set_column(i, r);
-    }
+    let sum = matrix(residuals, d);
     let mut covariance = &sum * sum.transpose() / n;
     let sd: Vec<f64> = (0..d).map(|i| covariance[(i, i)].max(1e-30).sqrt()).collect();
     let limit = MIN_CORRELATION_SDS / n.sqrt();
@@ -56,7 +54,10 @@ pub(crate) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> Result<Noise>
 impl Noise {
     /// With lamps of uncertain brightness: `columns` are changes per standard deviation of a lamp.
     pub(crate) fn with_columns(&self, columns: &DMatrix<f64>) -> Result<Self> {
-        let covariance = &self.covariance + columns * columns.transpose();
+        Self::new(&self.covariance + columns * columns.transpose())
+    }
+
+    fn new(covariance: DMatrix<f64>) -> Result<Self> {
         match Cholesky::new(covariance.clone()) {
             Some(factor) => Ok(Self { covariance, factor }),
             None => Err(Error::new(ErrorKind::Config, "covariance of the statistics").found("not positive")),
@@ -72,11 +73,7 @@ impl Noise {
     /// With every deviation multiplied by a factor of its own.
     pub(crate) fn scaled(&self, factors: &[f64]) -> Result<Self> {
         let scale = |i: usize, j: usize| self.covariance[(i, j)] * factors[i] * factors[j];
-        let covariance = DMatrix::from_fn(factors.len(), factors.len(), scale);
-        match Cholesky::new(covariance.clone()) {
-            Some(factor) => Ok(Self { covariance, factor }),
-            None => Err(Error::new(ErrorKind::Config, "covariance of the statistics").found("not positive")),
-        }
+        Self::new(DMatrix::from_fn(factors.len(), factors.len(), scale))
     }
 
     pub(crate) fn solve(&self, right: &DMatrix<f64>) -> DMatrix<f64> {

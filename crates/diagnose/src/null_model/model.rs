@@ -6,18 +6,18 @@ use crate::null_model::baseline::{
     Baseline, FIRST_SIGNATURE_DRAWS, NULL_MODEL_DONE, SENSORS, SENSORS_DONE, SIGNATURE_DRAWS, StartingCamera,
 };
 use crate::null_model::limits::{AGREEMENT, ALARM, Base, Clean, LimitLevel, Limits};
-use crate::null_model::mean::average;
 use crate::null_model::metric::{Metric, Noise, noise};
 use crate::null_model::posterior_draw::{
     CleanSensor, POSTERIOR_SENSORS, posterior_sensors, sensors_of_baseline,
 };
 use crate::null_model::progress::{Stage, watched};
 use crate::null_model::signature::Signature;
+use crate::null_model::vectors::{average, differences, mean_squares};
 use crate::recordings::setup::Setup;
 use crate::sensors::catalog::Candidate;
 use crate::sensors::deadline::{Deadline, SimulationContext};
 use crate::sensors::memory::SimulationMemory;
-use crate::sensors::model::Model;
+use crate::sensors::model::{Model, Sample};
 use crate::sensors::simulate;
 use crate::statistics::vector::DiagnosticStatistic;
 use crate::thresholds::{CALIBRATION_INFORMATION, FIRST_HELD_OUT_SIMULATIONS, HELD_OUT_SIMULATIONS};
@@ -230,12 +230,8 @@ impl NullModel {
         mut each: Vec<DVector<f64>>,
         draws: usize,
     ) -> Result<Signature> {
-        let sample = candidate.sample(&self.model, self.setup.recordings.len())?;
-        let change = |i: usize| {
-            let simulate =
-                || Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
-            Ok(self.remembered.get_or_simulate(&sample, i, simulate)? - &self.baseline[i])
-        };
+        let sample = candidate.sample(&self.model)?;
+        let change = |i: usize| Ok(self.remembered(&sample, i)? - &self.baseline[i]);
         let more = threads::try_map(each.len()..draws, change)?;
         each.extend(more);
         Ok(Signature::new(candidate, each, &self.spread))
@@ -250,11 +246,9 @@ impl NullModel {
         count: usize,
         known: Vec<DVector<f64>>,
     ) -> Result<Means> {
-        let sample = model.sample(u, &[], self.setup.recordings.len())?;
-        let simulate =
-            |i: usize| Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
+        let sample = model.sample(u, &[])?;
         let shift = self.lamp_shift(model);
-        let one = |i: usize| Ok(self.remembered.get_or_simulate(&sample, i, || simulate(i))? - &shift);
+        let one = |i: usize| Ok(self.remembered(&sample, i)? - &shift);
         let mut each = known;
         let more = threads::try_map(each.len()..count.min(SENSORS), one)?;
         each.extend(more);
@@ -264,19 +258,23 @@ impl NullModel {
     /// Mean vector of a fitted model under another protocol of as many statistics: the other half of the recordings, or the same
     /// scenes with other light.
     pub(crate) fn mean_under(&self, setup: &Setup, model: &Model, u: &[f64]) -> Result<DVector<f64>> {
-        let sample = model.sample(u, &[], setup.recordings.len())?;
+        let sample = model.sample(u, &[])?;
         let shift = self.lamp_shift(model);
         let halves = if self.is_preliminary() { FIRST_HELD_OUT_SIMULATIONS } else { HELD_OUT_SIMULATIONS };
-        let simulate = |i: usize| {
-            Ok(DVector::from_vec(simulate::values(setup, &sample, self.seed + i as u64)?) - &shift)
-        };
+        let simulate = |i: usize| Ok(simulate::values(setup, &sample, self.seed + i as u64)? - &shift);
         Ok(self.controlled(&threads::try_map(0..halves, simulate)?))
+    }
+
+    /// Returns the vector of `sample` with draws number `i`, which is simulated once.
+    fn remembered(&self, sample: &Sample, i: usize) -> Result<DVector<f64>> {
+        let simulate = || simulate::values(&self.setup, sample, self.seed + i as u64);
+        self.remembered.get_or_simulate(sample, i, simulate)
     }
 
     fn controlled(&self, each: &[DVector<f64>]) -> DVector<f64> {
         let n = each.len();
         let plain = average(each);
-        let change: Vec<DVector<f64>> = each.iter().zip(&self.baseline).map(|(s, b)| s - b).collect();
+        let change = differences(each, &self.baseline);
         let controlled = average(&change) + &self.mean;
         let spread = |rows: &[DVector<f64>], center: f64, j: usize| {
             rows.iter().map(|r| (r[j] - center).powi(2)).sum::<f64>()
@@ -294,9 +292,7 @@ fn missed(metric: &Metric, sensors: &[CleanSensor], mean: &DVector<f64>) -> Vec<
     let known = vec![CALIBRATION_INFORMATION; metric.directions.ncols()];
     let fitter = metric.clone().knowing(&known);
     let error = |d: &CleanSensor| fitter.fit(&(&d.vector - mean)) - &d.base;
-    let errors: Vec<DVector<f64>> = sensors.iter().map(error).collect();
-    let square = |j: usize| errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / errors.len() as f64;
-    (0..known.len()).map(|j| square(j).sqrt()).collect()
+    mean_squares(&sensors.iter().map(error).collect::<Vec<_>>()).iter().map(|square| square.sqrt()).collect()
 }
 
 /// Simulated vectors and their mean.

@@ -1,7 +1,7 @@
 //! How a candidate shows.
 
-use crate::null_model::mean::{average, shrink};
 use crate::null_model::metric::Metric;
+use crate::null_model::vectors::{average, shrink};
 use crate::recordings::setup::Setup;
 use crate::sensors::catalog::Candidate;
 use crate::sensors::model::{Model, Sample};
@@ -80,11 +80,11 @@ pub(crate) fn reach(s: &Signature) -> f64 {
 
 impl Candidate {
     /// The sample of the base model with this candidate.
-    pub(super) fn sample(&self, base: &Model, recordings: usize) -> Result<Sample> {
+    pub(super) fn sample(&self, base: &Model) -> Result<Sample> {
         let mut model = base.clone();
         let zero = vec![0.0; model.knobs.len()];
         model.knobs.extend(self.knobs.iter().copied());
-        model.sample(&[zero.as_slice(), &self.at].concat(), &[], recordings)
+        model.sample(&[zero.as_slice(), &self.at].concat(), &[])
     }
 }
 
@@ -97,7 +97,5 @@ pub(super) fn changed_by(
     baseline: &[DVector<f64>],
     i: usize,
 ) -> Result<DVector<f64>> {
-    let sample = candidate.sample(base, setup.recordings.len())?;
-    let values = simulate::values(setup, &sample, seed + i as u64)?;
-    Ok(DVector::from_vec(values) - &baseline[i])
+    Ok(simulate::values(setup, &candidate.sample(base)?, seed + i as u64)? - &baseline[i])
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicUsize;
 
 use crate::null_model::baseline::StartingCamera;
 use crate::null_model::derivatives::{Changes, changes, lit, pairs, with_lamps};
-use crate::null_model::mean::average;
+use crate::null_model::vectors::{average, matrix, spread};
 use crate::recordings::setup::Setup;
 use crate::sensors::deadline::SimulationContext;
 use crate::sensors::model::Model;
@@ -35,9 +35,7 @@ impl Lamps {
         let draw = |i: usize| Ok(with_lamps(setup, model, seed + i as u64)?.lamps);
         let all: Vec<Vec<DVector<f64>>> = threads::try_map(0..BASE_FIT_LAMP_DRAWS, draw)?;
         let mean = |k: usize| average(&all.iter().map(|own| own[k].clone()).collect::<Vec<_>>());
-        let columns: Vec<DVector<f64>> = (0..lit.len()).map(mean).collect();
-        let slopes =
-            if lit.is_empty() { DMatrix::zeros(entries, 0) } else { DMatrix::from_columns(&columns) };
+        let slopes = matrix(&(0..lit.len()).map(mean).collect::<Vec<_>>(), entries);
         let uncertainties = lit.iter().map(|k| setup.recordings[*k].light_uncertainty).collect();
         Ok(Self { slopes, uncertainties })
     }
@@ -117,7 +115,7 @@ pub(crate) fn rebased(
         if length < MIN_BASE_FIT_STEP {
             break;
         }
-        let camera = best.model.sample(by.as_slice(), &[], setup.recordings.len())?.camera;
+        let camera = best.model.sample(by.as_slice(), &[])?.camera;
         let next = of(camera)?;
         let closer = next.cost < best.cost;
         if closer {
@@ -146,7 +144,7 @@ pub(crate) fn rebased(
 
 /// What deviations are too small to matter.
 fn floors(setup: &Setup, camera: &Camera, seed: u64) -> Result<Vec<f64>> {
-    let still = Model::base(camera.clone(), setup).sample(&[], &[], setup.recordings.len())?;
+    let still = Model::base(camera.clone(), setup).sample(&[], &[])?;
     Ok(simulate::statistics(setup, &still, seed)?.iter().map(|s| s.floor).collect())
 }
 
@@ -159,13 +157,11 @@ impl Place {
         floors: &[f64],
         lamps: &Lamps,
     ) -> Result<Self> {
-        let still = model.sample(&[], &[], setup.recordings.len())?;
-        let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
+        let still = model.sample(&[], &[])?;
+        let one = |i: usize| simulate::values(setup, &still, seed + i as u64);
         let count = MIN_BASE_FIT_SIMULATIONS.max(pairs(setup));
         let each: Vec<DVector<f64>> = threads::try_map(0..count, one)?;
-        let mean = average(&each);
-        let square = |j: usize| each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
-        let spread: Vec<f64> = (0..mean.len()).map(|j| (square(j) / (count - 1) as f64).sqrt()).collect();
+        let (mean, spread) = (average(&each), spread(&each));
         let sd: Vec<f64> = spread.iter().zip(floors).map(|(s, f)| s.hypot(*f)).collect();
         let (lamps, z) = lamps.fit(DVector::from_fn(mean.len(), |j, _| (data[j] - mean[j]) / sd[j]), &sd);
         let huber = |z: &f64| {

@@ -5,6 +5,7 @@ use crate::recordings::setup::Setup;
 use crate::statistics::order::Spread;
 use crate::statistics::spectrum::transforms;
 use crate::statistics::vector::{StatisticsVector, ln, scaled_count};
+use spikelane_calibrate::fit_line;
 
 /// Rate above which a pixel fires at nearly every readout, so that its rate contains little information about the
 /// light.
@@ -58,10 +59,12 @@ pub(crate) fn fit_lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
     }
     let n = scans[0].pixels.len();
     let mut lines = Lines { gain: vec![0.0; n], dark: vec![0.0; n], residuals: Vec::new() };
-    let weighted_levels: Vec<(usize, f64, f64)> =
-        levels.iter().map(|(k, l)| (*k, *l, residual_unit(*l).powi(-2))).collect();
     for p in 0..n {
-        (lines.gain[p], lines.dark[p]) = fit_line(&weighted_levels, |k| scans[k].pixels[p].rate);
+        let point = |(k, l): &(usize, f64)| (*l, scans[*k].pixels[p].rate, residual_unit(*l).powi(2));
+        let points: Vec<_> = levels.iter().map(point).filter(|(_, rate, _)| *rate <= MAX_LINE_RATE).collect();
+        if let Some(line) = fit_line(&points) {
+            (lines.gain[p], lines.dark[p]) = (line.a, line.d);
+        }
     }
     for (k, light) in &levels {
         let residual = |p: usize| {
@@ -78,28 +81,6 @@ pub(crate) fn fit_lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
         lines.residuals.push((*k, (0..n).map(residual).collect()));
     }
     Some(lines)
-}
-
-/// Fits a line to the rates over weighted levels. `levels` contains the recording, the light and the weight of each
-/// level.
-fn fit_line(levels: &[(usize, f64, f64)], rate: impl Fn(usize) -> f64) -> (f64, f64) {
-    let (mut s0, mut s1, mut s2, mut y0, mut y1) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for (k, light, w) in levels {
-        let f = rate(*k);
-        if f > MAX_LINE_RATE {
-            continue;
-        }
-        s0 += w;
-        s1 += w * light;
-        s2 += w * light * light;
-        y0 += w * f;
-        y1 += w * light * f;
-    }
-    let det = s0 * s2 - s1 * s1;
-    if det <= 1e-9 * s0 * s2 {
-        return (0.0, 0.0);
-    }
-    ((s0 * y1 - s1 * y0) / det, (s2 * y0 - s1 * y1) / det)
 }
 
 /// Names of the statistics of one map.

@@ -69,8 +69,8 @@ pub(crate) fn set_plots(
     if setup.has_rate_maps || setup.recordings.iter().any(|s| s.static_scene.is_some()) {
         return Ok(Vec::new());
     }
-    let base = reference.model.sample(&[], &[], setup.recordings.len())?;
-    let model = last.0.sample(last.1, &[], setup.recordings.len())?;
+    let base = reference.model.sample(&[], &[])?;
+    let model = last.0.sample(last.1, &[])?;
     let data = plots_of(setup, scans, |k| setup.read(set, k))?;
     let simulated = |sample: &Sample| {
         let seed = reference.seed + 90_000;

@@ -133,7 +133,7 @@ fn outcome(fitter: &Fitter<'_>, found: &mut SearchResult, given: Option<&Camera>
     if !found.left && verdict == Verdict::PartlyExplained {
         notes.push(open_discrepancy_note(&discrepancy));
     }
-    let sample = found.fit.model.sample(&found.fit.u, &[], reference.setup.recordings.len())?;
+    let sample = found.fit.model.sample(&found.fit.u, &[])?;
     let mut camera = sample.camera;
     camera.name = "diagnosed".to_owned();
     camera.source = "found by diagnose; see diagnosis.json and report.html".to_owned();
