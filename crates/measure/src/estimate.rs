@@ -1,8 +1,5 @@
 //! Estimates with standard errors, and robust statistics of maps.
 
-use rand_pcg::Pcg64Mcg;
-use rand_pcg::rand_core::{Rng, SeedableRng};
-
 /// A value with its standard error.
 ///
 /// # Examples
@@ -97,43 +94,6 @@ pub(super) fn tiled_ratio(
 pub fn tiled_mean(map: &[f64], width: usize, side: usize) -> Estimate {
     let of_pixel = |p: usize| map[p].is_finite().then_some((map[p], 1.0));
     tiled_ratio(map.len(), width, side.max(1), of_pixel)
-}
-
-/// Returns a statistic of the finite entries of a map, with a bootstrap standard error.
-///
-/// Each of `rounds` resamples draws tiles of `side` x `side` pixels with replacement. The error is the standard
-/// deviation of the statistic over the resamples. Use this function for medians and robust spreads, because this module
-/// has no closed form for their errors.
-#[must_use]
-pub fn bootstrap(
-    map: &[f64],
-    width: usize,
-    side: usize,
-    rounds: usize,
-    seed: u64,
-    statistic: impl Fn(&mut Vec<f64>) -> f64,
-) -> Estimate {
-    let across = width.div_ceil(side.max(1));
-    let mut tiles = vec![Vec::new(); across * (map.len() / width).div_ceil(side.max(1))];
-    for (p, x) in map.iter().enumerate().filter(|(_, x)| x.is_finite()) {
-        tiles[p / width / side * across + p % width / side].push(*x);
-    }
-    tiles.retain(|tile| !tile.is_empty());
-    let mut all = tiles.concat();
-    let samples = all.len();
-    let value = statistic(&mut all);
-    let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let draws = (0..rounds).map(|_| {
-        let mut drawn = Vec::with_capacity(samples);
-        for _ in 0..tiles.len() {
-            // Multiply-shift draws an index with a bias of at most tiles/2^32, which is negligible beside the sampling error.
-            let pick = (u64::from(random.next_u32()) * tiles.len() as u64) >> 32;
-            drawn.extend_from_slice(&tiles[pick as usize]);
-        }
-        statistic(&mut drawn)
-    });
-    let spread = Estimate::mean(draws);
-    Estimate { value, error: spread.error * (spread.samples as f64).sqrt(), samples }
 }
 
 /// Returns the finite entries of a map.

@@ -52,7 +52,7 @@ pub use counts::NO_SPIKE;
 pub use counts::{Counts, NeighborPair};
 pub use dead_pixels::is_dead_if_silent;
 pub use estimate::Estimate;
-pub use estimate::{bootstrap, finite_values, median, median_and_spread, tiled_mean};
+pub use estimate::{finite_values, median, median_and_spread, tiled_mean};
 pub use frames::{ExtremeReadout, FrameStatistics};
 pub use image_spectrum::spectral_slope;
 pub use intervals::{IntervalHistogram, Intervals, PhaseNoise, PixelIntervals, total_variation};

@@ -2,10 +2,10 @@
 
 use std::fmt::{self, Display};
 
-use super::escape::EscapedText;
 use super::rounding::{with_error, without_error};
 use super::run_record::RunRecord;
 use super::table::Table;
+use super::text::EscapedText;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");

@@ -2,8 +2,8 @@
 
 use std::fmt::{self, Display};
 
-use super::escape::EscapedText;
 use super::rounding::{with_error, with_interval, without_error};
+use super::text::EscapedText;
 use crate::Estimate;
 
 /// A cell of a table: its text, and the numbers behind the text.

@@ -10,10 +10,9 @@
 //! readouts.
 
 use super::quantity::Quantity;
-use super::recording_part::{self, RecordingPart};
 use super::scatter::{Scatter, gap_readouts};
 use crate::stream::{band_accumulators, join_accumulators};
-use crate::{Accumulator, MeasureOptions, Statistics};
+use crate::{Accumulator, Counts, Intervals, MeasureOptions, Statistics};
 use spikelane::error::Result;
 use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::inputs;
@@ -96,9 +95,9 @@ impl RecordingAccumulator {
     fn begin_parts(&mut self) {
         let half = self.readouts_pushed.is_multiple_of(2 * self.quarter);
         threads::map(&mut self.accumulators, |a| {
-            recording_part::begin(a, RecordingPart::Quarter);
+            begin_part(a, RecordingPart::Quarter);
             if half {
-                recording_part::begin(a, RecordingPart::Half);
+                begin_part(a, RecordingPart::Half);
             }
         });
     }
@@ -115,7 +114,7 @@ impl RecordingAccumulator {
     }
 
     fn end_part(&mut self, part: RecordingPart) -> Result<Statistics> {
-        let parts: Vec<_> = threads::map(&mut self.accumulators, |a| recording_part::end(a, part));
+        let parts: Vec<_> = threads::map(&mut self.accumulators, |a| end_part(a, part));
         Statistics::join(parts.into_iter().flatten().collect())
     }
 
@@ -125,6 +124,60 @@ impl RecordingAccumulator {
     /// Those of [`Statistics::join`].
     pub fn finish(self) -> Result<MeasuredRecording> {
         Ok(MeasuredRecording { statistics: join_accumulators(self.accumulators)?, scatter: self.scatter })
+    }
+}
+
+/// Kinds of parts. At most one part of each kind can be open at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum RecordingPart {
+    Half,
+    Quarter,
+}
+
+/// Begins a part of the recording at the next readout. The function has no effect if `accumulator` does not measure
+/// intervals.
+fn begin_part(accumulator: &mut Accumulator, part: RecordingPart) {
+    flush(accumulator);
+    if let Some(state) = &mut accumulator.intervals {
+        state.begin_part(part as usize);
+    }
+}
+
+/// Ends a part at the last readout that was pushed. Returns `None` if the part never began.
+///
+/// The result contains the intervals of the part, without the histogram of lengths and without the extremes. It also
+/// contains the counts of the part, without coincidences.
+fn end_part(accumulator: &mut Accumulator, part: RecordingPart) -> Option<Statistics> {
+    flush(accumulator);
+    let intervals = accumulator.intervals.as_mut()?.end_part(part as usize)?;
+    Some(Statistics {
+        geometry: accumulator.geometry,
+        rows: accumulator.rows.clone(),
+        readouts: intervals.readouts(),
+        counts: Some(interval_counts(&intervals)),
+        frames: None,
+        intervals: Some(intervals),
+        counts_before_split: None,
+    })
+}
+
+fn flush(accumulator: &mut Accumulator) {
+    if accumulator.intervals.is_some() && accumulator.block.len() > 0 {
+        accumulator.process();
+    }
+}
+
+/// Returns the counts that can be computed from the intervals.
+fn interval_counts(intervals: &Intervals) -> Counts {
+    let (first, last) = intervals.first_and_last_spikes().unzip();
+    Counts {
+        geometry: intervals.geometry,
+        rows: intervals.rows.clone(),
+        readouts: intervals.readouts(),
+        count: intervals.spikes().collect(),
+        first_spike: first,
+        last_spike: last,
+        coincidences: Default::default(),
     }
 }
 
