@@ -14,7 +14,7 @@
 //! recording `p` is 2, and four lit levels are necessary.
 
 use super::scale_posterior::{OUTLIER_UNCERTAINTY, StatedLevel, scale_posterior};
-use crate::formulas::cholesky::solve_cholesky;
+use crate::formulas::fit::solve_cholesky;
 
 /// Smallest distance of an outlier from the line through the other levels, in stated standard deviations. One in two
 /// thousand correctly stated levels exceeds this distance.

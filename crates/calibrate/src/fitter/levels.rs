@@ -7,8 +7,7 @@
 use super::alignment::{Alignment, align_levels};
 use super::scale_posterior::StatedLevel;
 use super::state::Fitter;
-use crate::formulas::cholesky::solve_cholesky;
-use crate::formulas::fit::fit_line;
+use crate::formulas::fit::{fit_line, solve_cholesky};
 use crate::recordings::sources::Source;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::threads;

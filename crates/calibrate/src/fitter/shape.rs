@@ -13,8 +13,7 @@
 //! filters are always used.
 
 use super::state::{Fitter, GainShape};
-use crate::formulas::chi_square::chi_square_over_freedom;
-use crate::formulas::cholesky::solve_cholesky;
+use crate::formulas::fit::{chi_square_over_freedom, solve_cholesky};
 use crate::formulas::robust::biweights;
 use crate::result::{FieldTerm, LightField};
 use spikelane::spikes::Geometry;
