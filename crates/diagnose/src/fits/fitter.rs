@@ -19,7 +19,7 @@ pub(crate) struct Fitter<'a> {
 }
 
 impl Fitter<'_> {
-    /// Simulates the fit's mean, as far as that has not been done, and compares it with the data.
+    /// Simulates the mean of a fit from `count` simulations, unless it exists, and compares it with the data.
     pub(crate) fn evaluate(&self, fit: &mut Fit, count: usize) -> Result<()> {
         let known = if fit.at == fit.place() { std::mem::take(&mut fit.each) } else { Vec::new() };
         if known.len() >= count {
@@ -55,7 +55,7 @@ pub(crate) fn unlocated_event_columns(reference: &NullModel, fit: &Fit) -> Resul
         if scenes.is_empty() {
             continue;
         }
-        // From half of them: twice the root of a count is no straight line from none.
+        // The change is computed from half of the events, because twice the root of a count is not linear near zero.
         let mut fewer = fit.u.clone();
         fewer[j] *= 0.5;
         let fewer = reference.mean_of(&fit.model, &fewer, EVENT_PAIRS.min(fit.each.len()), Vec::new())?;

@@ -1,4 +1,4 @@
-//! What a fitted effect's numbers move.
+//! Derivatives of the statistics by the parameters of fitted effects.
 
 use crate::fits::fit::{DerivativeOrigin, Fit};
 use crate::fits::fitter::Fitter;
@@ -14,17 +14,17 @@ use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// Between which positions a derivative is taken.
+/// The positions of a difference quotient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Secant {
-    /// From where the fit stands: half the simulations. Where an effect sets in late its slope is too steep by then, and steps
-    /// back are short.
+    /// From the fitted position in one direction, with half of the simulations. If an effect has an onset, the slope is
+    /// too steep, and steps back are short.
     Ahead,
-    /// To both sides.
+    /// To both sides of the fitted position.
     Around,
 }
 
-/// Ends of a secant of length `h`.
+/// Returns the ends of a secant of length `h`.
 fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
     match secant {
         Secant::Ahead => [u, u + h],
@@ -32,7 +32,7 @@ fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
     }
 }
 
-/// A step by which a knob's derivative is taken.
+/// Returns the step of the derivative by a knob.
 fn step(scale: SearchScale, u: f64) -> f64 {
     match scale {
         SearchScale::Log | SearchScale::LogComplement => 0.35,
@@ -40,14 +40,14 @@ fn step(scale: SearchScale, u: f64) -> f64 {
     }
 }
 
-/// Whether the effects' numbers are where derivatives were taken.
+/// Returns whether the parameters of the effects are near the positions of the derivatives.
 fn near(fit: &Fit) -> bool {
     let moved = |j: usize| (fit.u[j] - fit.taken.at[j]).abs() / step(fit.model.knobs[j].scale, fit.u[j]);
     fit.taken.at.len() == fit.u.len() && (fit.base_knobs()..fit.u.len()).all(|j| moved(j) <= MAX_SLOPE_MOVE)
 }
 
 impl Fitter<'_> {
-    /// Derivatives by the effects' knobs, with the draws of the fit's own simulations.
+    /// Computes the derivatives by the knobs of the effects, with the draws of the simulations of the fit.
     pub(crate) fn derive(&self, fit: &mut Fit, count: usize, secant: Secant) -> Result<()> {
         let count = count.min(fit.each.len());
         let around = secant == Secant::Around;
@@ -64,7 +64,7 @@ impl Fitter<'_> {
                 (low, high) = (knob.clamped(high - h), high);
             }
             if low == high || fit.count(j).is_some() {
-                // Held by its range, or counted.
+                // The parameter is fixed by its range or by counted events.
                 return Ok(DVector::zeros(fit.mean.len()));
             }
             let at = |end: f64| -> Result<Vec<DVector<f64>>> {
@@ -90,7 +90,8 @@ impl Fitter<'_> {
         Ok(())
     }
 
-    /// Kept while the effects are the same, until twice as many simulations can tell more.
+    /// Finds the statistics that each effect hardly changes. The result is reused while the effects are the same, until
+    /// twice as many simulations exist.
     fn tell_unmoved(&self, fit: &mut Fit) -> Result<()> {
         let n = fit.each.len();
         if fit.taken.unmoved.is_empty() || n >= 2 * fit.taken.told_by {
@@ -100,8 +101,9 @@ impl Fitter<'_> {
         Ok(())
     }
 
-    /// Statistics that an effect hardly moves from where they are without it: a derivative there is noise, which a part of a step
-    /// cannot tell but all of it can. What several effects move together says nothing of one, as they may cancel.
+    /// Returns the statistics that an effect hardly changes. A derivative of such a statistic is noise. The difference
+    /// of the whole effect shows this, a small step does not. The effects are examined one by one, because the changes
+    /// of several may cancel.
     fn unmoved(&self, fit: &Fit, effect: usize) -> Result<Vec<usize>> {
         let n = fit.each.len();
         if n < MIN_CHANGE_SIMULATIONS || self.reference.spread.len() < MIN_CROWDED_STATISTICS {

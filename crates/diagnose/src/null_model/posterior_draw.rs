@@ -1,4 +1,4 @@
-//! Clean sensors whose calibrated numbers are off as a calibration leaves them.
+//! Clean sensors whose parameters deviate as after a calibration.
 
 use std::sync::atomic::AtomicUsize;
 
@@ -9,23 +9,21 @@ use crate::null_model::vectors::normal_vectors;
 use crate::recordings::setup::Setup;
 use crate::sensors::model::Model;
 use crate::sensors::simulate;
+use crate::thresholds::POSTERIOR_SENSORS;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// Sensors of a complete null model whose numbers are drawn from their posterior.
-pub(super) const POSTERIOR_SENSORS: usize = 120;
-
-/// A clean sensor whose numbers and lamps differ from those of the base model.
+/// A clean sensor whose parameters and lamps differ from those of the base model.
 pub(crate) struct CleanSensor {
-    /// Positions of the base numbers.
+    /// Positions of the base parameters.
     pub base: DVector<f64>,
     /// Deviations of the lamps.
     pub lamps: DVector<f64>,
     pub vector: DVector<f64>,
 }
 
-/// Simulates sensors whose numbers come from the posterior and whose lamps have errors.
+/// Simulates sensors whose parameters come from the posterior and whose lamps have errors.
 pub(crate) fn posterior_sensors(
     setup: &Setup,
     model: &Model,

@@ -1,4 +1,4 @@
-//! How a candidate shows.
+//! Signatures: changes of the statistics by candidates.
 
 use crate::null_model::metric::Metric;
 use crate::null_model::vectors::{average, shrink};
@@ -11,7 +11,7 @@ use nalgebra::DVector;
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 
-/// How a candidate shows at one position.
+/// The change of the statistics by a candidate at one position.
 #[derive(Clone, Debug)]
 pub(crate) struct Signature {
     pub candidate: Candidate,
@@ -60,14 +60,14 @@ pub(crate) struct AmplitudeEstimate {
     pub sd: f64,
 }
 
-/// Whether `b` is the same effect as `a` with the opposite sign.
+/// Returns whether `b` is the same effect as `a` with the opposite sign.
 pub(super) fn is_mirrored(a: &Candidate, b: &Candidate) -> bool {
     let is_linear = a.knobs.first().is_some_and(|knob| knob.scale == SearchScale::Linear);
     let opposite = |a: f64, b: f64| (a + b).abs() < 1e-9 * a.abs();
     is_linear && a.effect == b.effect && opposite(a.at[0], b.at[0]) && a.at[1..] == b.at[1..]
 }
 
-/// How much further than tried the amplitude can go.
+/// Returns the largest amplitude, relative to the tried one.
 pub(crate) fn reach(s: &Signature) -> f64 {
     let (knob, u) = (s.candidate.knobs[0], s.candidate.at[0]);
     let most = knob.position(if u * knob.unit < 0.0 && knob.scale == SearchScale::Linear {
@@ -79,7 +79,7 @@ pub(crate) fn reach(s: &Signature) -> f64 {
 }
 
 impl Candidate {
-    /// The sample of the base model with this candidate.
+    /// Returns the sample of the base model with this candidate.
     pub(super) fn sample(&self, base: &Model) -> Result<Sample> {
         let mut model = base.clone();
         let zero = vec![0.0; model.knobs.len()];
@@ -88,7 +88,8 @@ impl Candidate {
     }
 }
 
-/// What `candidate` changes in the base sensor with draws number `i`, of which `baseline` has the vectors.
+/// Returns the change by `candidate` of the base sensor with draws number `i`. `baseline` contains the vectors of the
+/// base sensor.
 pub(super) fn changed_by(
     candidate: &Candidate,
     setup: &Setup,

@@ -1,7 +1,7 @@
-//! A camera that is given, and whose own numbers are wrong: they are corrected before anything is added.
+//! Fits wrong parameters of a given camera before any effect is added.
 //!
-//! The found light is known to some thousandths only, and the rates of the pixels are known to a hundredth of that. Without
-//! lamps in the fit, the base numbers would move by several of their errors to take these differences in.
+//! The found light has an error of some thousandths, and the rates of the pixels have a hundredth of it. Without lamps
+//! in the fit, the base parameters would move by several standard deviations to explain these differences.
 
 use std::sync::atomic::AtomicUsize;
 
@@ -23,7 +23,7 @@ use spikelane::unstable::threads;
 
 /// The lamps of the lit recordings.
 struct Lamps {
-    /// Change of every statistic per unit of each lamp's deviation.
+    /// Change of each statistic per unit of the deviation of each lamp.
     slopes: DMatrix<f64>,
     /// Standard deviation of each lamp.
     uncertainties: Vec<f64>,
@@ -40,7 +40,7 @@ impl Lamps {
         Ok(Self { slopes, uncertainties })
     }
 
-    /// Slopes in standard deviations of the statistics, each with the square root of a weight.
+    /// Returns the slopes in standard deviations of the statistics, each multiplied by the square root of a weight.
     fn weighted(&self, sd: &[f64], weight: impl Fn(usize) -> f64) -> DMatrix<f64> {
         DMatrix::from_fn(self.slopes.nrows(), self.slopes.ncols(), |i, k| {
             weight(i) * self.slopes[(i, k)] / sd[i]
@@ -51,7 +51,7 @@ impl Lamps {
         DVector::from_iterator(self.uncertainties.len(), self.uncertainties.iter().map(|u| u.powi(-2)))
     }
 
-    /// The deviations that explain most of `z`, and what they leave.
+    /// Returns the deviations of the lamps that explain most of `z`, and the rest.
     fn fit(&self, z: DVector<f64>, sd: &[f64]) -> (DVector<f64>, DVector<f64>) {
         let all = self.weighted(sd, |_| 1.0);
         let mut found = DVector::zeros(self.uncertainties.len());
@@ -69,27 +69,27 @@ impl Lamps {
     }
 }
 
-/// Square root of the weight of a statistic that is `z` off.
+/// Returns the square root of the weight of a statistic that deviates by `z`.
 fn usual_weight(z: f64) -> f64 {
     (MAX_BASE_FIT_Z / z.abs().max(1e-9)).min(1.0).sqrt()
 }
 
-/// A camera's place: what its sensors show, and how far the data are off.
+/// A camera with simulations and its deviation from the data.
 struct Place {
     model: Model,
     each: Vec<DVector<f64>>,
-    /// Deviations of one sensor, without and with floors.
+    /// Standard deviations of one sensor, without and with floors.
     spread: Vec<f64>,
     sd: Vec<f64>,
     /// Deviations of the lamps from the found light.
     lamps: DVector<f64>,
-    /// How far the data are off beside the lamps, in deviations, and robustly in all.
+    /// Deviation of the data without the part of the lamps, in standard deviations, and its robust square.
     z: DVector<f64>,
     cost: f64,
 }
 
-/// `camera` with its base numbers fitted to `data`; what was simulated of it on the way serves its reference. A camera of which no
-/// number is off stays as it is.
+/// Fits the base parameters of `camera` to `data`. The result contains the simulations for the null model. A camera
+/// without deviations is returned unchanged.
 pub(crate) fn rebased(
     setup: &Setup,
     camera: &Camera,
@@ -103,7 +103,7 @@ pub(crate) fn rebased(
     let of = |camera| Place::of(setup, model(camera), data, seed, &floors, &lamps);
     let mut best = of(camera.clone())?;
     let given = best.model.clone();
-    // A static scene shows no number of a camera without noise and without spreads.
+    // A static scene determines no parameter of a camera without noise and without spreads.
     if given.knobs.is_empty() {
         return Ok(StartingCamera::new(best.model.camera, context));
     }
@@ -119,7 +119,7 @@ pub(crate) fn rebased(
         let next = of(camera)?;
         let closer = next.cost < best.cost;
         if closer {
-            // Columns are per share of a number's own value.
+            // Columns are changes per relative change of a parameter.
             for (j, by) in by.iter().enumerate() {
                 derivatives.column_mut(j).scale_mut(1.0 + by);
             }
@@ -142,7 +142,7 @@ pub(crate) fn rebased(
     })
 }
 
-/// What deviations are too small to matter.
+/// Returns the smallest relevant deviation of each statistic.
 fn floors(setup: &Setup, camera: &Camera, seed: u64) -> Result<Vec<f64>> {
     let still = Model::base(camera.clone(), setup).sample(&[], &[])?;
     Ok(simulate::statistics(setup, &still, seed)?.iter().map(|s| s.floor).collect())
@@ -171,14 +171,15 @@ impl Place {
         Ok(Self { model, each, spread, sd, lamps, z, cost })
     }
 
-    /// What its numbers move: entries that are noise count as none, as among hundreds they would hide what a number does, and
-    /// it would not move.
+    /// Returns the changes by the parameters. Entries that are noise are set to zero, because among hundreds of entries
+    /// they would hide the change by a parameter.
     fn changes(&self, setup: &Setup, seed: u64) -> Result<Changes> {
         changes(setup, &self.model, seed, &self.each, 0..pairs(setup), &AtomicUsize::new(0))
     }
 
-    /// The robust Gauss-Newton step, drawn to the numbers of `given`, and its length in its own deviations. Statistics count as
-    /// independent: correlations of a few dozen simulations are noise for the most part, and steps by them wander.
+    /// Returns the robust Gauss-Newton step with a prior at the parameters of `given`, and its length in standard
+    /// deviations. Statistics count as independent: correlations of a few dozen simulations are mostly noise, and steps
+    /// by them wander.
     fn wanted(&self, derivatives: &DMatrix<f64>, given: &Model, lamps: &Lamps) -> (DVector<f64>, f64) {
         let n = derivatives.ncols();
         let all = n + self.lamps.len();

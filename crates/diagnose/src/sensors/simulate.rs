@@ -10,6 +10,7 @@ use crate::sensors::cache_key::hash_inputs;
 use crate::sensors::model::Sample;
 use crate::statistics::measured_set::{rate_map_statistics, statistics_vector};
 use crate::statistics::vector::{DiagnosticStatistic, StatisticsVector};
+use crate::thresholds::LEAD_READOUTS;
 use nalgebra::DVector;
 use spikelane::effects::{Camera, Definition, Model, edge_columns, smooth_prnu, start_phase, vignetting};
 use spikelane::error::Result;
@@ -20,10 +21,6 @@ use spikelane::unstable::plan::Plan;
 use spikelane::unstable::{inputs, threads};
 use spikelane_calibrate::{Stimulus, StimulusPattern};
 use spikelane_io::simulate::{FrameRef, Simulator};
-
-/// Number of simulated readouts before the recording, during which pixels with a common start phase become
-/// independent.
-const LEAD_READOUTS: usize = 200;
 
 /// Returns the entries of the vector of `sample`.
 pub(crate) fn statistics(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<DiagnosticStatistic>> {

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::search::round::EliminationReason;
+use crate::thresholds::{DEVIATION_LIMIT, MAX_SHOWN_DEVIATIONS};
 use crate::verdict::about_page::{glossary, recording_tables};
 use crate::verdict::diagnosis::{
     DiagnosedLamp, Diagnosis, Discrepancy, LimitTest, ParameterMismatch, Verdict,
@@ -20,13 +21,6 @@ use spikelane_measure::report::{
 
 /// Statistic, recording, and deviation before and after the diagnosis.
 type Deviation = (String, String, f64, f64);
-
-/// Number of statistics in the plot of the largest deviations.
-const MAX_SHOWN_DEVIATIONS: usize = 24;
-
-/// Number of standard deviations that some statistic of a sensor without missing effects exceeds with a probability of
-/// 0.001.
-const DEVIATION_LIMIT: f64 = 5.0;
 
 /// Writes `camera.toml` with its maps, `report.html` and `diagnosis.json` into `folder`, and returns the diagnosis as
 /// JSON. Either all files are written or none. The report states the origin `run`.
