@@ -13,9 +13,6 @@ use spikelane::unstable::draws::pattern_rng::PatternRng;
 use spikelane::unstable::draws::{RandomStream, Seeds};
 use spikelane_measure::Estimate;
 
-/// Relative standard deviation of a light level without a stated uncertainty. It is typical of a laboratory light meter.
-pub const DEFAULT_LIGHT_UNCERTAINTY: f64 = 0.01;
-
 /// A stated light level and the level that the calibration found.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]

@@ -2,6 +2,7 @@
 //!
 //! Any release may change or remove the items of this module.
 
-pub use crate::formulas::chi_square::chi_square_over_freedom;
-pub use crate::recordings::check::{SATURATION_RATE, pattern_correlation};
+pub use crate::formulas::fit::chi_square_over_freedom;
+pub use crate::recordings::check::pattern_correlation;
+pub use crate::recordings::light_unit::SATURATION_RATE;
 pub use crate::recordings::sources::{Source, Sources};

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use crate::faults::fault::Fault;
-use crate::null_model::baseline::{Baseline, SIGNATURE_DRAWS, StartingCamera};
+use crate::null_model::baseline::{Baseline, StartingCamera};
 use crate::null_model::detectability::Detectability;
 use crate::null_model::model::NullModel;
 use crate::prepared::base_model::BaseModel;
@@ -11,6 +11,7 @@ use crate::prepared::recordings::{HeldOut, Recordings};
 use crate::run::DiagnoseOptions;
 use crate::sensors::cache::SimulationCache;
 use crate::sensors::deadline::{Deadline, SimulationContext};
+use crate::thresholds::SIGNATURE_DRAWS;
 use spikelane::effects::Catalog;
 use spikelane::error::Result;
 use spikelane_calibrate::{ProgressCallback, RecordingSet};

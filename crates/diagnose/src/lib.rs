@@ -85,7 +85,6 @@ mod null_model {
     pub(crate) mod derivatives;
     pub(crate) mod detectability;
     pub(crate) mod limits;
-    pub(crate) mod mean;
     pub(crate) mod metric;
     pub(crate) mod model;
     mod posterior_draw;
@@ -94,6 +93,7 @@ mod null_model {
     mod preliminary_tests;
     mod progress;
     pub(crate) mod signature;
+    pub(crate) mod vectors;
 }
 
 /// Fits of one model with effects to a set. A fitted model is compared with its own simulations.

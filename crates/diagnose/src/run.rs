@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crate::null_model::baseline::{Baseline, FIRST_SIGNATURE_DRAWS};
+use crate::null_model::baseline::Baseline;
 use crate::null_model::model::NullModel;
 use crate::null_model::preliminary_result::PreliminaryResult;
 use crate::prepared::base_model::{BaseModel, color_filter_error};
@@ -17,6 +17,7 @@ use crate::search::state::Search;
 use crate::sensors::cache::SimulationCache;
 use crate::sensors::deadline::{Deadline, SimulationContext, in_time};
 use crate::sensors::model::published;
+use crate::thresholds::FIRST_SIGNATURE_DRAWS;
 use crate::verdict::diagnosis::Diagnosis;
 use crate::verdict::qualifications::qualify;
 use spikelane::effects::{Camera, Catalog, Maps, readout_jitter, start_phase};

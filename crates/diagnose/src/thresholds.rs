@@ -1,7 +1,7 @@
 //! Numbers of a diagnosis, each with its origin: thresholds, and numbers of simulations and steps.
 //!
 //! A threshold is *derived* from a probability or a number of standard deviations, *measured* on simulated sensors, or *a
-//! choice*. The limits of an alarm are in `null_model/limits.rs`.
+//! choice*. The limits of an alarm are in `null_model/limits.rs`. Sizes of memory and of vector loops are beside their code.
 
 // Recordings before the search
 
@@ -21,9 +21,6 @@ pub(crate) const MAX_CHANCE_PHASE: f64 = 3.0;
 
 /// Largest excluded part of a recording is its length, divided by this number. A choice.
 pub(crate) const MAX_ASIDE_DIVISOR: usize = 3;
-
-/// Rate from which on a pixel fires at nearly every readout, in spikes per readout. Such pixels do not drift apart.
-pub(crate) const MAX_PHASE_DRIFT_RATE: f64 = 0.985;
 
 /// Largest number of examined pixels. A choice that limits the time.
 pub(crate) const MAX_DRIFT_PIXELS: usize = 20_000;
@@ -452,3 +449,223 @@ pub(crate) const MIN_SIMILAR_COSINE: f64 = 0.9;
 
 /// Largest number of effects that are reported as ambiguous with one effect.
 pub(crate) const MAX_AMBIGUOUS_EFFECTS: usize = 3;
+
+// Judged readouts and recorded scenes
+
+/// Largest number of pixel-readouts that are judged per recording. Named effects are far stronger than the noise of so
+/// many. The time of a simulation is proportional to their number.
+pub(crate) const MAX_PIXEL_READOUTS: usize = 35_000_000;
+
+/// Smallest number of judged readouts of a long recording, however large its frames are. The low frequency bands of the
+/// spectra require it. A choice.
+pub(crate) const MIN_JUDGED_READOUTS: usize = 1250;
+
+/// Smallest number of judged half periods of a square wave.
+pub(crate) const MIN_JUDGED_HALF_PERIODS: usize = 5;
+
+/// Largest rate at which all intervals are measured. A choice.
+pub(crate) const MAX_INTERVAL_RATE: f64 = 0.25;
+
+/// Shortest half period, in readouts, whose response to steps is measured: at least 40 readouts are steady.
+pub(crate) const MIN_RESPONSE_HALF_PERIOD: usize = STEADY_READOUTS + 40;
+
+/// Radius of the neighborhood, in pixels, whose mean rate is the rate of the scene. A choice.
+pub(crate) const SURFACE_RADIUS: usize = 2;
+
+/// Smallest number of uniform, static pixels. A choice.
+pub(crate) const MIN_UNIFORM_PIXELS: usize = 500;
+
+/// Rates of the compared pixels, in spikes per readout. Slower pixels have too few intervals, and faster pixels have too few
+/// readouts per interval.
+pub(crate) const COMPARED_RATES: std::ops::Range<f64> = 0.05..0.45;
+
+/// Smallest number of readouts of a recording. A choice.
+pub(crate) const MIN_READOUTS: usize = 256;
+
+/// Largest number of simulated pixels of a static scene. 20,000 pixels determine the temporal noise to 1 %.
+pub(crate) const MAX_STATIC_PIXELS: usize = 20_000;
+
+// Steps of a square wave
+
+/// Number of readouts after a step from which the response serves as the steady reference. It is twice the largest time
+/// constant with which image lag is tried (150), and the end of the last window after a step.
+pub(crate) const STEADY_READOUTS: usize = 300;
+
+/// Number of excluded readouts after a fall, because the first interval contains charge of the brighter light.
+pub(crate) const SETTLED_READOUTS: usize = 20;
+
+/// Shortest stretch whose response is measured, in readouts: at least 20 readouts are steady.
+pub(crate) const MIN_STRETCH_READOUTS: usize = STEADY_READOUTS + 20;
+
+/// Number of successive readouts on the other side of the middle that make a step. A choice.
+pub(crate) const MIN_AGREEING_READOUTS: usize = 4;
+
+/// Smallest difference between both lights in standard deviations of a Poisson count. Lights with a smaller difference
+/// have no detectable steps. A choice.
+pub(crate) const MIN_STEP_SDS: f64 = 6.0;
+
+// Statistics
+
+/// Smallest number of half periods across the map at which a wave belongs to the spectrum. Longer waves are uneven
+/// light.
+pub(crate) const MIN_WAVE_HALF_PERIODS: usize = 4;
+
+/// Number of robust standard deviations from the median beyond which a pixel is an outlier. A choice.
+pub(crate) const OUTLIER_SDS: f64 = 5.0;
+
+/// Number of outliers at which their mean distance has half of its full weight. One or two outliers are insignificant.
+/// A choice.
+pub(crate) const OUTLIER_HALF_WEIGHT: f64 = 9.0;
+
+/// Smallest light at which the firing rates of the pixels exceed the frequencies of lines. A choice.
+pub(crate) const MIN_LINE_LIGHT: f64 = 0.2;
+
+/// Windows after a step, in readouts.
+pub(crate) const STEP_WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];
+
+/// Highest frequency of a line, in cycles per readout. The firing rates of bright pixels are higher.
+pub(crate) const MAX_LINE_FREQUENCY: f64 = 0.13;
+
+/// Number of examined frequencies per frequency step of the spectrum. A choice.
+pub(crate) const STEPS_PER_BIN: f64 = 10.0;
+
+/// Number of frequencies on either side of a line whose mean power is its background. A choice.
+pub(crate) const BACKGROUND_BINS: usize = 40;
+
+/// Fewest periods of a line in a recording. A mean and a drift have fewer. A choice.
+pub(crate) const MIN_PERIODS: f64 = 2.0;
+
+// Lost and repeated readouts
+
+/// Number of events from which on the effect is a candidate regardless of its signature. A choice.
+pub(crate) const MIN_CERTAIN_EVENTS: usize = 3;
+
+/// Largest number of events whose locations are listed. A choice.
+pub(crate) const MAX_LISTED_EVENTS: usize = 4;
+
+/// Shortest mean interval, in readouts, at which a missing spike is visible. The interval across a lost readout is
+/// then `2 x 2.3 - 1 = 3.6`, above the longest regular interval of 3.
+pub(crate) const MIN_MEAN_INTERVAL: f64 = 2.3;
+
+/// Smallest length of an interval with a missing spike, in mean intervals. A choice.
+pub(crate) const MIN_GAP_INTERVALS: f64 = 1.4;
+
+/// Largest number of successive missing spikes. Two readouts at a distance of one mean interval cause two.
+pub(crate) const MAX_MISSING_RUN: u32 = 2;
+
+/// Smallest number of intervals that determine the mean interval of a pixel. A choice.
+pub(crate) const MIN_INTERVALS: usize = 4;
+
+/// Smallest expected number of spikes in a lost readout. With 30, the probability that fewer than [`MIN_FOUND_SHARE`]
+/// of them are missing is below 1/500.
+pub(crate) const MIN_EXPECTED_SPIKES: f64 = 30.0;
+
+/// Smallest share of the expected spikes that are missing at a lost readout. A choice.
+pub(crate) const MIN_FOUND_SHARE: f64 = 0.45;
+
+/// Smallest number of missing spikes at a lost readout, relative to the windows beside it. A choice.
+pub(crate) const MIN_SHARPNESS: f64 = 4.0;
+
+/// Share of the expected spikes in the adjacent readouts above which another lost readout is assumed there. A choice.
+pub(crate) const ADJACENT_SHARE: f64 = 0.15;
+
+/// Smallest mean number of changed bits per readout at which equal readouts are distinguishable from chance. A choice.
+pub(crate) const MIN_MEAN_CHANGES: f64 = 4.0;
+
+/// Smallest number of pixels with an unusual repetition in a repeated readout. A single pixel may repeat by chance.
+pub(crate) const MIN_UNUSUAL_PIXELS: usize = 2;
+
+// Faults
+
+/// Smallest number of lit levels for a report of a single level, and for a report of the scatter. A choice.
+pub(crate) const MIN_LIT_LEVELS: [usize; 2] = [4, 3];
+
+/// Smallest pattern correlation of two recordings of one sensor. A choice.
+pub(crate) const MIN_OWN_CORRELATION: f64 = 0.5;
+
+/// Largest pattern correlation of two sensors. A choice.
+pub(crate) const MAX_FOREIGN_CORRELATION: f64 = 0.25;
+
+/// Smallest change of a lamp relative to the largest change of steady recordings. An effect of the camera changes all
+/// recordings. A choice.
+pub(crate) const MIN_CHANGE_RATIO: f64 = 5.0;
+
+/// Relative change between the halves below which a recording is steady. A choice.
+pub(crate) const MAX_STEADY_CHANGE: f64 = 1e-3;
+
+/// Smallest prominence of a line, which is its power divided by the mean power around it. One frequency in 1e17
+/// exceeds it by chance (exp(-40)).
+pub(crate) const MIN_PROMINENCE: f64 = 40.0;
+
+/// Twice the mains frequencies, in hertz.
+pub(crate) const MAINS_LIGHT_HZ: [f64; 2] = [100.0, 120.0];
+
+/// Largest distance between two frequencies of a spectrum that distinguishes both of [`MAINS_LIGHT_HZ`], in hertz.
+pub(crate) const MAINS_RESOLUTION_HZ: f64 = (MAINS_LIGHT_HZ[1] - MAINS_LIGHT_HZ[0]) / 2.0;
+
+// Simulations of the base model
+
+/// Sensors with the parameters of the base model. A choice.
+pub(crate) const SENSORS: usize = 80;
+
+/// Simulations of the first step.
+///
+/// Sensors: noise from 24 sensors judges a clean set as noise from 200 does. It finds an effect of eight standard
+/// deviations at 7.9 (median of all candidates of the recommended protocol).
+/// Lamps: the derivative by a lamp is a direction that costs nothing, so its noise removes one random direction of 250.
+pub(crate) const FIRST_SENSORS: usize = 24;
+
+/// Simulations of the derivatives by the lamps in the first step; see [`FIRST_SENSORS`].
+pub(crate) const FIRST_LAMP_DRAWS: usize = 4;
+
+/// Simulations of a signature: two show how much of it is noise. The first step makes one.
+pub(crate) const SIGNATURE_DRAWS: usize = 2;
+
+/// Simulations of a signature in the first step; see [`SIGNATURE_DRAWS`].
+pub(crate) const FIRST_SIGNATURE_DRAWS: usize = 1;
+
+/// Sensors of a complete null model whose parameters are drawn from their posterior. A choice.
+pub(crate) const POSTERIOR_SENSORS: usize = 120;
+
+/// Number of simulated readouts before the recording, during which pixels with a common start phase become
+/// independent. A choice.
+pub(crate) const LEAD_READOUTS: usize = 200;
+
+// Limits of other effects, recommended recordings and the report
+
+/// Quantile of the standard normal distribution at a probability of 95 %.
+pub(crate) const NORMAL_QUANTILE_95: f64 = 1.645;
+
+/// Length of a signature, in standard deviations, from which on one simulation determines it. The noise of a single
+/// simulation was measured to be up to ten standard deviations long (24x24 pixels).
+pub(crate) const MIN_CERTAIN_LENGTH: f64 = 15.0;
+
+/// Exponent of the length of a signature as a function of the amplitude above which an effect counts as quadratic. Measured
+/// exponents (24x24 pixels) of most effects are 0.5 to 1.12. Those of `telegraph_dark` and `readout_jitter`, whose variance
+/// is proportional to the square of the amplitude, and of `false_spikes` are 1.24 to 1.52.
+pub(crate) const MAX_LINEAR_EXPONENT: f64 = 1.2;
+
+/// Smallest share of a tried variance, or of a tried probability of rare events, to which a limit is interpolated. Measured
+/// with 20 hidden sensors at the interpolated limit: the estimate was zero for 11 with `row_noise` (1/36 of the tried
+/// variance) and for 7 with `false_spikes` (two spikes are expected, and some sensors have none). It should be zero for one.
+pub(crate) const MIN_INTERPOLATED_SHARE: f64 = 0.1;
+
+/// Number of standard deviations between two fitted models at which they count as distinguished. A choice.
+pub(crate) const DISTINCT_SDS: f64 = 5.0;
+
+/// Largest recommended length of a recording, relative to the present one. A choice.
+pub(crate) const MAX_LENGTH_FACTOR: f64 = 400.0;
+
+/// Largest number of unexplained statistics that are listed. A choice.
+pub(crate) const MAX_UNEXPLAINED_STATISTICS: usize = 6;
+
+/// Number of statistics in the plot of the largest deviations. A choice.
+pub(crate) const MAX_SHOWN_DEVIATIONS: usize = 24;
+
+/// Number of standard deviations that some statistic of a sensor without missing effects exceeds with a probability of
+/// 0.001.
+pub(crate) const DEVIATION_LIMIT: f64 = 5.0;
+
+/// Number of additional simulated sensors of the final model. At one frequency, another such sensor lies outside of
+/// their range with a probability of 2 / (20 + 1).
+pub(crate) const RANGE_SENSORS: usize = 20;

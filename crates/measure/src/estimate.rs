@@ -1,8 +1,5 @@
 //! Estimates with standard errors, and robust statistics of maps.
 
-use rand_pcg::Pcg64Mcg;
-use rand_pcg::rand_core::{Rng, SeedableRng};
-
 /// A value with its standard error.
 ///
 /// # Examples
@@ -99,43 +96,6 @@ pub fn tiled_mean(map: &[f64], width: usize, side: usize) -> Estimate {
     tiled_ratio(map.len(), width, side.max(1), of_pixel)
 }
 
-/// Returns a statistic of the finite entries of a map, with a bootstrap standard error.
-///
-/// Each of `rounds` resamples draws tiles of `side` x `side` pixels with replacement. The error is the standard
-/// deviation of the statistic over the resamples. Use this function for medians and robust spreads, because this module
-/// has no closed form for their errors.
-#[must_use]
-pub fn bootstrap(
-    map: &[f64],
-    width: usize,
-    side: usize,
-    rounds: usize,
-    seed: u64,
-    statistic: impl Fn(&mut Vec<f64>) -> f64,
-) -> Estimate {
-    let across = width.div_ceil(side.max(1));
-    let mut tiles = vec![Vec::new(); across * (map.len() / width).div_ceil(side.max(1))];
-    for (p, x) in map.iter().enumerate().filter(|(_, x)| x.is_finite()) {
-        tiles[p / width / side * across + p % width / side].push(*x);
-    }
-    tiles.retain(|tile| !tile.is_empty());
-    let mut all = tiles.concat();
-    let samples = all.len();
-    let value = statistic(&mut all);
-    let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let draws = (0..rounds).map(|_| {
-        let mut drawn = Vec::with_capacity(samples);
-        for _ in 0..tiles.len() {
-            // Multiply-shift draws an index with a bias of at most tiles/2^32, which is negligible beside the sampling error.
-            let pick = (u64::from(random.next_u32()) * tiles.len() as u64) >> 32;
-            drawn.extend_from_slice(&tiles[pick as usize]);
-        }
-        statistic(&mut drawn)
-    });
-    let spread = Estimate::mean(draws);
-    Estimate { value, error: spread.error * (spread.samples as f64).sqrt(), samples }
-}
-
 /// Returns the finite entries of a map.
 #[must_use]
 pub fn finite_values(map: &[f64]) -> Vec<f64> {
@@ -187,31 +147,4 @@ pub fn median_and_spread(values: &mut [f64]) -> (f64, f64) {
     let center = median(values);
     let mut deviations: Vec<f64> = values.iter().map(|x| (x - center).abs()).collect();
     (center, 1.4826 * median(&mut deviations))
-}
-
-/// Returns the mean of the finite values without the share `trim` of lowest values and the share `trim` of highest
-/// values.
-///
-/// The standard error is the Winsorized standard deviation divided by `(1 - 2 trim) sqrt(n)` for `n` values (Tukey and
-/// McLaughlin 1963).
-///
-/// # Examples
-/// ```
-/// // A fifth of the values is removed at each end.
-/// let mean = spikelane_measure::trimmed_mean(&[-1000.0, 1.0, 2.0, 3.0, 1000.0], 0.2);
-/// assert_eq!(mean.value, 2.0);
-/// ```
-#[must_use]
-pub fn trimmed_mean(map: &[f64], trim: f64) -> Estimate {
-    let mut values = finite_values(map);
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    let cut = ((n as f64 * trim.clamp(0.0, 0.49)) as usize).min(n.saturating_sub(1) / 2);
-    let trimmed = &values[cut..n - cut];
-    let value = Estimate::mean(trimmed.iter().copied()).value;
-    let (Some(low), Some(high)) = (trimmed.first(), trimmed.last()) else {
-        return Estimate::mean([]);
-    };
-    let winsorized = Estimate::mean(values.iter().map(|x| x.clamp(*low, *high)));
-    Estimate { value, error: winsorized.error / (trimmed.len() as f64 / n as f64), samples: n }
 }

@@ -52,17 +52,15 @@ pub use counts::NO_SPIKE;
 pub use counts::{Counts, NeighborPair};
 pub use dead_pixels::is_dead_if_silent;
 pub use estimate::Estimate;
-pub use estimate::{bootstrap, finite_values, median, median_and_spread, tiled_mean, trimmed_mean};
+pub use estimate::{finite_values, median, median_and_spread, tiled_mean};
 pub use frames::{ExtremeReadout, FrameStatistics};
 pub use image_spectrum::spectral_slope;
-pub use intervals::{
-    HalfMaps, IntervalHistogram, Intervals, PhaseNoise, PixelIntervals, ReadoutDeviation, total_variation,
-};
+pub use intervals::{IntervalHistogram, Intervals, PhaseNoise, PixelIntervals, total_variation};
 pub use light_clock::LightClock;
 pub use light_course::{FlickerLine, LightCourse};
 pub use maps::line_structure;
 pub use maps::{Correlations, LineStructure, high_pass};
-pub use maps::{box_means, map_correlations, pattern_correlations, select_rate, select_uniform};
+pub use maps::{box_means, map_correlations, pattern_correlations, select_uniform};
 pub use mosaic::{CellSummary, detect_mosaic, summarize_cells, summarize_mosaic};
 pub use options::MeasureOptions;
 pub use pattern_spectrum::{map_histogram, pattern_spectra};
@@ -139,11 +137,9 @@ impl Accumulator {
         };
         let counts = options.counts.then(|| counts::CountAccumulator::new(geometry, rows.clone(), &block));
         let frames = options.frames.then(|| frames::FrameAccumulator::new(geometry, options, &block));
-        let series = if options.interval_deviations { options.series_readouts } else { 0 };
         let bin = options.longest_bin;
-        let intervals = options
-            .intervals
-            .then(|| intervals::IntervalAccumulator::new(geometry, rows.clone(), lags, bin, series));
+        let intervals =
+            options.intervals.then(|| intervals::IntervalAccumulator::new(geometry, rows.clone(), lags, bin));
         Ok(Self {
             geometry,
             rows,
@@ -195,14 +191,8 @@ impl Accumulator {
         }
         for frame in frames {
             self.block.append(frame.as_bytes());
-            let wanted = self.frames.is_some()
-                || self.intervals.as_ref().is_some_and(intervals::IntervalAccumulator::needs_totals);
-            let spikes = if wanted { frame_popcount::count_spikes(self.block.latest_words()) } else { 0 };
             if let Some(state) = &mut self.frames {
-                state.push(&self.block, spikes);
-            }
-            if let Some(state) = &mut self.intervals {
-                state.push(self.block.len() - 1, spikes);
+                state.push(&self.block, frame_popcount::count_spikes(self.block.latest_words()));
             }
             let next = self.start + self.block.len() as u32;
             if self.block.len() == self.block.capacity() || self.split == Some(next) {
@@ -224,9 +214,6 @@ impl Accumulator {
         self.block.recycle();
         if self.split == Some(self.start) {
             self.early_counts = self.counts.as_ref().map(counts::CountAccumulator::snapshot);
-            if let Some(state) = &mut self.intervals {
-                state.mark_split();
-            }
         }
     }
 

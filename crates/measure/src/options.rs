@@ -28,13 +28,11 @@ pub struct MeasureOptions {
     pub line_covariances: bool,
     /// Whether to measure [`Intervals`](super::Intervals).
     pub intervals: bool,
-    /// Whether [`Intervals`](super::Intervals) include the mean deviation of the intervals of each readout.
-    pub interval_deviations: bool,
     /// Lags of `D(n)` in intervals, 1 to 64. Lag 1 is always measured.
     pub lags: Vec<u32>,
     /// Longest interval, in readouts, that has its own bin in the histogram.
     pub longest_bin: u32,
-    /// Number of the readout at which the second half begins. `None` disables the statistics of halves.
+    /// Number of the readout at which the second half begins. `None` disables [`Statistics::counts_before_split`](super::Statistics::counts_before_split).
     pub split: Option<u32>,
     /// Number of readouts in the per-readout series. Each readout needs 24 bytes.
     pub series_readouts: usize,
@@ -47,7 +45,6 @@ spikelane::unstable::with_methods!(MeasureOptions {
     with_frames: frames: bool,
     with_line_covariances: line_covariances: bool,
     with_intervals: intervals: bool,
-    with_interval_deviations: interval_deviations: bool,
     with_lags: lags: Vec<u32>,
     with_longest_bin: longest_bin: u32,
     with_split: split: Option<u32>,
@@ -62,7 +59,6 @@ impl Default for MeasureOptions {
             frames: true,
             line_covariances: true,
             intervals: true,
-            interval_deviations: true,
             lags: vec![1, 4, 8, 16, 24, 32],
             longest_bin: 1023,
             split: None,

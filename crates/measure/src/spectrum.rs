@@ -142,20 +142,6 @@ pub fn spectrum(totals: &[u32], segment: usize) -> Result<Spectrum> {
 }
 
 impl Spectrum {
-    /// Returns the share of the variance at frequencies below `frequency`, which is in cycles per readout.
-    #[must_use]
-    pub fn share_below(&self, frequency: f64) -> f64 {
-        let bins = self.power.iter().enumerate().skip(1);
-        let (mut low, mut all) = (0.0, 0.0);
-        for (k, p) in bins {
-            all += p;
-            if (k as f64) < frequency * self.segment as f64 {
-                low += p;
-            }
-        }
-        low / all
-    }
-
     /// Returns the spectral lines in descending order of prominence. A line is a local maximum whose power exceeds
     /// `factor` times the median power of the 32 bins around the maximum.
     ///

@@ -44,8 +44,7 @@ pub fn measure_stream(
 
 /// Measures the intervals of a whole stream by integrated light, in parallel bands of rows.
 ///
-/// Spike times, and therefore all results, are in ticks of `clock` instead of readouts. The result contains no deviations
-/// per readout.
+/// Spike times, and therefore all results, are in ticks of `clock` instead of readouts.
 ///
 /// # Examples
 /// ```
@@ -82,13 +81,8 @@ pub fn measure_intervals_by_light(
                 reader.geometry().pixels()
             )));
     }
-    let options = MeasureOptions {
-        counts: false,
-        frames: false,
-        interval_deviations: false,
-        lags: lags.to_vec(),
-        ..MeasureOptions::default()
-    };
+    let options =
+        MeasureOptions { counts: false, frames: false, lags: lags.to_vec(), ..MeasureOptions::default() };
     let clock = Arc::new(clock.clone());
     let accumulators = band_accumulators(reader.geometry(), &options)?;
     let mut accumulators: Vec<Accumulator> = accumulators.into_iter().map(|a| a.with_clock(&clock)).collect();

@@ -1,7 +1,7 @@
 //! The color filters of a measured camera, and the light behind each filter.
 
-use crate::recordings::check::SATURATION_RATE;
 use crate::recordings::color_filters::{ColorFilters, PixelClasses};
+use crate::recordings::light_unit::SATURATION_RATE;
 use crate::{Recording, RecordingSet};
 use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result};

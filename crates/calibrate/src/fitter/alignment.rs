@@ -13,15 +13,12 @@
 //! excluded. With a dark recording `p` is 1, and three lit levels suffice to find a wrong level. Without a dark
 //! recording `p` is 2, and four lit levels are necessary.
 
-use super::scale_posterior::{StatedLevel, scale_posterior};
-use crate::formulas::cholesky::solve_cholesky;
+use super::scale_posterior::{OUTLIER_UNCERTAINTY, StatedLevel, scale_posterior};
+use crate::formulas::fit::solve_cholesky;
 
 /// Smallest distance of an outlier from the line through the other levels, in stated standard deviations. One in two
 /// thousand correctly stated levels exceeds this distance.
 const OUTLIER_Z_THRESHOLD: f64 = 3.5;
-
-/// Relative uncertainty of a level that is off the line.
-pub(super) const OUTLIER_UNCERTAINTY: f64 = 0.3;
 
 /// Smallest error ratio for which the choice of trusted levels is ambiguous. The ratio is the posterior error of the scale
 /// divided by the error for the trusted levels alone.

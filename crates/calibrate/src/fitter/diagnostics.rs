@@ -1,6 +1,6 @@
 //! Results of the light levels, notes about the levels, and the check that enough pixels were fitted.
 
-use super::alignment::OUTLIER_UNCERTAINTY;
+use super::scale_posterior::OUTLIER_UNCERTAINTY;
 use super::state::Fitter;
 use crate::formulas::fit::{PixelFit, fit_line};
 use crate::recordings::observations::{ChangeRemoval, LightLevel};

@@ -7,8 +7,7 @@
 use super::alignment::{Alignment, align_levels};
 use super::scale_posterior::StatedLevel;
 use super::state::Fitter;
-use crate::formulas::cholesky::solve_cholesky;
-use crate::formulas::fit::fit_line;
+use crate::formulas::fit::{fit_line, solve_cholesky};
 use crate::recordings::sources::Source;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::threads;
@@ -74,7 +73,9 @@ impl Fitter<'_> {
             let sd = |s: &Source| s.light * self.light_uncertainty.unwrap_or(s.uncertainty);
             return level.sources.sources.iter().map(|s| sd(s).powi(2)).sum::<f64>().sqrt() / level.light;
         }
-        self.light_uncertainty.or(level.light_uncertainty).unwrap_or(crate::result::DEFAULT_LIGHT_UNCERTAINTY)
+        self.light_uncertainty
+            .or(level.light_uncertainty)
+            .unwrap_or(crate::recordings::recording_set::DEFAULT_LIGHT_UNCERTAINTY)
     }
 
     /// Moves the `used` levels to the aligned scale. `independent` are the levels that were aligned.

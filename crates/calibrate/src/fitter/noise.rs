@@ -5,16 +5,12 @@
 
 use super::state::Fitter;
 use crate::formulas::phase::{interval_growth_ratio, mean_draw_ratio};
-use crate::formulas::robust::{regular_weights, standardize};
 use crate::formulas::selection::{self, redraw_end_variance};
-use crate::recordings::observations::LightLevel;
+use crate::recordings::observations::{LightLevel, MAX_GROWTH_RATE};
 use spikelane::pixel::NoiseSampling;
 use spikelane::sensor::Sensor;
 use spikelane::unstable::threads;
 use spikelane_measure::{Estimate, median, median_and_spread};
-
-/// Highest rate of a pixel whose interval variance is used, in spikes per readout.
-const MAX_GROWTH_RATE: f64 = 0.2;
 
 /// Largest part of a change of the light that remains after its removal. The filter of the frame totals transmits the change
 /// without loss at low frequencies, and the dark rates of the pixels are known to a percent.
@@ -29,30 +25,6 @@ fn growth_precision(level: &LightLevel, p: usize) -> f64 {
         n if n < 32.0 => (n - 4.0).max(0.0).powi(2) / 28.0,
         n => n - 4.0,
     }
-}
-
-/// Smallest number of pixels whose interval noise is standardized together.
-const MIN_GROUP_PIXELS: usize = 200;
-/// Largest number of groups of pixels with similar numbers of spikes.
-const MAX_SPIKE_GROUPS: usize = 10;
-
-/// Returns, for each pixel of a level, the probability that its interval noise is not an outlier.
-///
-/// Pixels with similar numbers of spikes are standardized together, because the lags and the error of an estimate depend
-/// on this number.
-pub(super) fn interval_weights(level: &LightLevel) -> Vec<f64> {
-    let Some(noise) = &level.interval_noise else { return Vec::new() };
-    let mut weights = vec![0.0; noise.map.len()];
-    let mut used: Vec<usize> = (0..weights.len())
-        .filter(|p| noise.map[*p].is_finite() && level.rate[*p] < MAX_GROWTH_RATE)
-        .collect();
-    used.sort_by_key(|p| level.spikes[*p]);
-    let size = used.len().div_ceil(MAX_SPIKE_GROUPS).max(MIN_GROUP_PIXELS);
-    let standardized =
-        |group: &[usize]| standardize(&group.iter().map(|p| noise.map[*p]).collect::<Vec<_>>());
-    let all: Vec<f64> = used.chunks(size).flat_map(standardized).collect();
-    used.iter().zip(regular_weights(&all)).for_each(|(p, w)| weights[*p] = w);
-    weights
 }
 
 /// The growth of the interval variance of a level, and the contributions of the noise sources to this growth.

@@ -10,8 +10,6 @@
 //! The posterior is summed on a grid of lines. The result is the posterior root mean square deviation from the chosen
 //! line. If this deviation exceeds the error of the chosen line, it replaces the error.
 
-use super::alignment::OUTLIER_UNCERTAINTY;
-
 /// A lit or dark level: its found light, its stated light, and the standard deviation of the stated light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StatedLevel {
@@ -19,6 +17,9 @@ pub(super) struct StatedLevel {
     pub(super) stated_light: f64,
     pub(super) sd: f64,
 }
+
+/// Relative uncertainty of a level that is off the line.
+pub(super) const OUTLIER_UNCERTAINTY: f64 = 0.3;
 
 /// Prior probability that a lamp is wrong.
 const OUTLIER_PRIOR: f64 = 0.1;

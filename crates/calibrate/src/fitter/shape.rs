@@ -12,10 +12,8 @@
 //! The polynomial and the differences between the classes are used only if they are significant. The differences between
 //! filters are always used.
 
-use super::state::Fitter;
-use crate::formulas::chi_square::chi_square_over_freedom;
-use crate::formulas::cholesky::solve_cholesky;
-use crate::formulas::fit::PixelFit;
+use super::state::{Fitter, GainShape};
+use crate::formulas::fit::{chi_square_over_freedom, solve_cholesky};
 use crate::formulas::robust::biweights;
 use crate::result::{FieldTerm, LightField};
 use spikelane::spikes::Geometry;
@@ -37,50 +35,6 @@ const MAX_FITTED_PIXELS: usize = 10_000;
 
 /// Number of iterations of the robust fit. The weights change by less than a thousandth after five.
 const ITERATIONS: usize = 10;
-
-/// Factors of the gain that pixels share. The means of both factors over the pixels are 1.
-#[derive(Clone, Debug)]
-pub(super) struct GainShape {
-    /// Relative light on each pixel.
-    pub(super) field: Vec<f64>,
-    /// Relative gain of the class of each pixel.
-    pub(super) class: Vec<f64>,
-    /// Largest relative gain of a class.
-    pub(super) max_class: f64,
-    /// The fitted shape of the light. `None` if it is not significant.
-    pub(super) light_field: Option<LightField>,
-    /// Mean gain of each class. Empty if the classes do not differ significantly and are not filters.
-    pub(super) class_gains: Vec<Estimate>,
-    /// Number of fitted coefficients without the mean.
-    pub(super) coefficients: usize,
-}
-
-impl GainShape {
-    /// Returns the shape of uniform light on a sensor without classes.
-    pub(super) fn uniform(pixels: usize) -> Self {
-        Self {
-            field: vec![1.0; pixels],
-            class: vec![1.0; pixels],
-            max_class: 1.0,
-            light_field: None,
-            class_gains: Vec::new(),
-            coefficients: 0,
-        }
-    }
-
-    /// Returns the fit of pixel `p` without the shared gain.
-    pub(super) fn relative_fit(&self, p: usize, fit: &PixelFit) -> PixelFit {
-        let fit = self.fit_without_field(p, fit);
-        let factor = self.class[p];
-        PixelFit { a: fit.a / factor, var_a: fit.var_a / (factor * factor), cov: fit.cov / factor, ..fit }
-    }
-
-    /// Returns the fit of pixel `p` without the shape of the light.
-    pub(super) fn fit_without_field(&self, p: usize, fit: &PixelFit) -> PixelFit {
-        let factor = self.field[p];
-        PixelFit { a: fit.a / factor, var_a: fit.var_a / (factor * factor), cov: fit.cov / factor, ..*fit }
-    }
-}
 
 /// Powers of `u` and `v` of each term of the polynomial.
 fn powers(degree: u32) -> Vec<[i32; 2]> {

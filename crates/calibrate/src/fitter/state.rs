@@ -8,14 +8,12 @@
 //! * `psi`: rate that redrawn noise adds, divided by the variance of the noise. [`noise_rate_gain`] returns it.
 
 use super::alignment::Alignment;
-use super::noise::interval_weights;
-use super::shape::GainShape;
 use crate::formulas::fit::{PixelFit, RateWeighting, correct_end_bias};
 use crate::formulas::selection::{firing_draw_variance, noise_rate_gain};
-use crate::recordings::check::{MIN_TIMED_SPIKES, SATURATION_RATE};
 use crate::recordings::color_filters::PixelClasses;
-use crate::recordings::observations::{LightLevel, Observations};
-use crate::result::CalibrateOptions;
+use crate::recordings::light_unit::SATURATION_RATE;
+use crate::recordings::observations::{LightLevel, MIN_TIMED_SPIKES, Observations};
+use crate::result::{CalibrateOptions, LightField};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::pixel::NoiseSampling;
 use spikelane::sensor::Sensor;
@@ -43,6 +41,50 @@ pub(super) struct LevelPoint {
     pub(super) variance: f64,
     /// Change of `x` if the threshold of the pixel changes by its standard deviation.
     pub(super) threshold_sensitivity: f64,
+}
+
+/// Factors of the gain that pixels share. The means of both factors over the pixels are 1.
+#[derive(Clone, Debug)]
+pub(super) struct GainShape {
+    /// Relative light on each pixel.
+    pub(super) field: Vec<f64>,
+    /// Relative gain of the class of each pixel.
+    pub(super) class: Vec<f64>,
+    /// Largest relative gain of a class.
+    pub(super) max_class: f64,
+    /// The fitted shape of the light. `None` if it is not significant.
+    pub(super) light_field: Option<LightField>,
+    /// Mean gain of each class. Empty if the classes do not differ significantly and are not filters.
+    pub(super) class_gains: Vec<Estimate>,
+    /// Number of fitted coefficients without the mean.
+    pub(super) coefficients: usize,
+}
+
+impl GainShape {
+    /// Returns the shape of uniform light on a sensor without classes.
+    pub(super) fn uniform(pixels: usize) -> Self {
+        Self {
+            field: vec![1.0; pixels],
+            class: vec![1.0; pixels],
+            max_class: 1.0,
+            light_field: None,
+            class_gains: Vec::new(),
+            coefficients: 0,
+        }
+    }
+
+    /// Returns the fit of pixel `p` without the shared gain.
+    pub(super) fn relative_fit(&self, p: usize, fit: &PixelFit) -> PixelFit {
+        let fit = self.fit_without_field(p, fit);
+        let factor = self.class[p];
+        PixelFit { a: fit.a / factor, var_a: fit.var_a / (factor * factor), cov: fit.cov / factor, ..fit }
+    }
+
+    /// Returns the fit of pixel `p` without the shape of the light.
+    pub(super) fn fit_without_field(&self, p: usize, fit: &PixelFit) -> PixelFit {
+        let factor = self.field[p];
+        PixelFit { a: fit.a / factor, var_a: fit.var_a / (factor * factor), cov: fit.cov / factor, ..*fit }
+    }
 }
 
 pub(super) struct Fitter<'a> {
@@ -134,7 +176,7 @@ impl<'a> Fitter<'a> {
             chi2_scale: 1.0,
             is_noise_sampling_identified: options.noise_sampling.is_some(),
             phase_corrections: vec![1.0; observed.levels.len()],
-            noise_weights: observed.levels.iter().map(interval_weights).collect(),
+            noise_weights: observed.levels.iter().map(LightLevel::interval_weights).collect(),
             redraw_share: Estimate { value: f64::NAN, error: f64::INFINITY, samples: 0 },
             sigma_t: ZERO_ESTIMATE,
             electrons: ZERO_ESTIMATE,

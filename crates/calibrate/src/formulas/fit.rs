@@ -1,4 +1,4 @@
-//! The fitted line `x = a light + d` of one pixel.
+//! The fitted line `x = a light + d` of one pixel, and the mathematics of fits.
 //!
 //! * `x`: charge per readout, in thresholds of the pixel.
 //! * `light`: light level. Light 1 is full light and causes one spike per readout.
@@ -6,6 +6,8 @@
 //! * `f`: rate in spikes per readout, computed from the spike times of `N` intervals.
 //! * `s`: phase variance per spike, in thresholds squared.
 //! * `K`: quanta of light per spike.
+
+use nalgebra::{DMatrix, DVector};
 
 /// The noise of a rate `f` from `N` intervals. The variance of the rate is `f^2 s / N + f^4 / (6 N^2)`, where `s` is
 /// the phase variance per spike.
@@ -187,6 +189,26 @@ pub fn fit_line_least_absolute(points: &[(f64, f64, f64)]) -> Option<(f64, f64)>
     best.map(|(_, a, d)| (a, d))
 }
 
+/// Solves `h x = g` for a symmetric, positive definite `k` x `k` matrix `h`.
+///
+/// Returns `x` and the diagonal of the inverse of `h`, or `None` if `h` is not positive definite.
+pub(crate) fn solve_cholesky(h: &[f64], g: &[f64], k: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+    let factor = DMatrix::from_row_slice(k, k, h).cholesky()?;
+    let solution = factor.solve(&DVector::from_column_slice(g));
+    Some((solution.as_slice().to_vec(), factor.inverse().diagonal().as_slice().to_vec()))
+}
+
+/// Returns the limit of chi-square over its degrees of freedom that corresponds to the normal quantile `z`, by the cube root
+/// of Wilson and Hilferty.
+///
+/// The upper limit with a probability of 0.001 (`z` = 3.09) is 3 % too large for one degree of freedom and 0.6 % for ten. A
+/// lower limit needs at least three.
+#[must_use]
+pub fn chi_square_over_freedom(freedom: f64, z: f64) -> f64 {
+    let c = 2.0 / (9.0 * freedom);
+    (1.0 - c + z * c.sqrt()).powi(3)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -222,5 +244,19 @@ mod tests {
         let (a, d) = fit_line_least_absolute(&points).unwrap();
         assert!((a - 0.9).abs() < 1e-12 && (d - 0.01).abs() < 1e-12);
         assert!((fit_line(&points).unwrap().a - 0.9).abs() > 0.01);
+    }
+
+    /// Limits of the tables: 10.828 and 29.588 at 0.001, and 0.352 and 3.940 at 0.95.
+    #[test]
+    fn limits_are_those_of_tables() {
+        for (freedom, z, limit, tolerance) in [
+            (1.0, 3.0902, 10.828, 0.04),
+            (10.0, 3.0902, 29.588, 0.007),
+            (3.0, -1.6449, 0.352, 0.07),
+            (10.0, -1.6449, 3.940, 0.003),
+        ] {
+            let found = freedom * chi_square_over_freedom(freedom, z);
+            assert!((found / limit - 1.0_f64).abs() < tolerance, "{freedom} {z}: {found}");
+        }
     }
 }

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use crate::result::Calibration;
 use spikelane_measure::Estimate;
-use spikelane_measure::report::{Cell, Table, insert_present};
+use spikelane_measure::report::{Cell, Table, insert_present, row};
 
 /// The release of the standard whose items the sheet lists.
 pub(super) const RELEASE: &str = "EMVA 1288 Release 4.0";
@@ -142,18 +142,14 @@ fn linearity_error(c: &Calibration) -> Option<Estimate> {
 
 /// Returns the sheet as a table.
 pub(super) fn sheet_table(c: &Calibration) -> Table {
-    let mut table = Table::new(
-        format!("Summary sheet of {RELEASE}"),
-        &["item", "value", "unit", "quantity of this camera"],
-    )
-    .with_note(
-        "A spike camera emits one bit per pixel and readout, so some items of the standard do not apply.",
-    );
-    for item in summary_sheet(c) {
-        let value = item.value.map_or(Cell::from("\u{2013}"), |e| Cell::estimate(e.value, e.error, ""));
-        table.push_row([Cell::from(item.item), value, Cell::from(item.unit), Cell::from(item.note)]);
-    }
-    table
+    let row = |item: SheetItem| {
+        row![item.item, item.value.map_or(Cell::from("\u{2013}"), Cell::from), item.unit, item.note]
+    };
+    Table::new(format!("Summary sheet of {RELEASE}"), &["item", "value", "unit", "quantity of this camera"])
+        .with_note(
+            "A spike camera emits one bit per pixel and readout, so some items of the standard do not apply.",
+        )
+        .with_rows(summary_sheet(c).into_iter().map(row))
 }
 
 /// Returns the sheet as JSON. An item without a value has no keys `value`, `error` and `unit`.

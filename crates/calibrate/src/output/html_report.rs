@@ -3,12 +3,13 @@
 use super::emva_1288::sheet_table;
 use crate::formulas::fit::PixelFit;
 use crate::population::mean_and_sd;
-use crate::result::{Additivity, Calibration, Lamp};
+use crate::recordings::recorded_camera::RecordedCamera;
+use crate::result::{Additivity, Calibration, ChannelFit, Lamp};
 use crate::snee::{SneeMaps, SneePixel};
 use spikelane::error::Result;
 use spikelane::unstable::Count;
 use spikelane_measure::report::{
-    Cell, PageElement, Plot, PlotPoint, Report, ReportState, RunRecord, Table, heat_map, without_error,
+    Cell, PageElement, Plot, PlotPoint, Report, ReportState, RunRecord, Table, heat_map, row, without_error,
 };
 use spikelane_measure::{Estimate, finite_values, map_histogram, pattern_spectra};
 
@@ -36,9 +37,10 @@ fn report(c: &Calibration) -> Result<Report> {
     let map = |value: fn(&PixelFit) -> f64| c.fits.iter().map(value).collect::<Vec<f64>>();
     let (a, d) = (map(|f| f.a), map(|f| f.d));
     let cautions = c.cautions();
-    let (state, word) = match cautions.is_empty() {
-        true => (ReportState::Good, "agrees"),
-        false => (ReportState::Caution, "usable with care"),
+    let (state, word) = if cautions.is_empty() {
+        (ReportState::Good, "agrees")
+    } else {
+        (ReportState::Caution, "usable with care")
     };
     let mut report = Report::new("Calibration", state, word, c.verdict());
     push_key_numbers(&mut report, c);
@@ -75,33 +77,29 @@ fn report(c: &Calibration) -> Result<Report> {
             &paper.map(|s| s.phi),
         ));
     }
-    report.push_table(population_table(c));
-    if !c.channels.is_empty() {
-        report.push_table(channel_table(c));
-    }
-    report.push_table(lamp_table(c));
-    report.push_table(sheet_table(c));
-    c.additivity.iter().for_each(|a| report.push_table(additivity_table(a)));
-    c.snee.iter().for_each(|paper| report.push_table(snee_table(c, paper)));
-    c.recorded_camera.iter().for_each(|camera| report.push_table(camera.table()));
+    let tables = [population_table(c), channel_table(c), lamp_table(c), sheet_table(c)].into_iter();
+    let tables = tables.chain(c.additivity.iter().map(additivity_table));
+    let tables = tables.chain(c.snee.iter().map(|paper| snee_table(c, paper)));
+    let tables = tables.chain(c.recorded_camera.iter().map(RecordedCamera::table));
+    tables.for_each(|table| report.push_table(table));
     Ok(report)
 }
 
 fn push_key_numbers(report: &mut Report, c: &Calibration) {
     let p = &c.population;
-    let percent = |spread: Estimate, mean: f64| [spread.value, spread.error].map(|x| 100.0 * x / mean);
-    let [prnu, prnu_error] = percent(p.sd_a, p.mean_a.value);
-    report.push_estimate("mean gain a", p.mean_a.value, p.mean_a.error, "thresholds per readout at light 1");
-    report.push_estimate("PRNU", prnu, prnu_error, "% of the mean gain");
-    report.push_estimate("mean dark rate d", p.mean_d.value, p.mean_d.error, "thresholds per readout");
-    report.push_estimate("DSNU", p.sd_d.value, p.sd_d.error, "thresholds per readout");
     let assumed = |e: Estimate, unit: &str| {
         if e.error.is_finite() { unit.to_owned() } else { format!("{unit} (assumed)") }
     };
-    let [noise, noise_error] = percent(c.sigma_t, 1.0);
-    report.push_estimate("threshold noise", noise, noise_error, &assumed(c.sigma_t, "% of the threshold"));
-    let electrons = c.electrons_per_threshold;
-    report.push_estimate("electrons", electrons.value, electrons.error, &assumed(electrons, "per threshold"));
+    for (label, e, unit) in [
+        ("mean gain a", p.mean_a, "thresholds per readout at light 1".to_owned()),
+        ("PRNU", percent(p.sd_a, p.mean_a.value), "% of the mean gain".to_owned()),
+        ("mean dark rate d", p.mean_d, "thresholds per readout".to_owned()),
+        ("DSNU", p.sd_d, "thresholds per readout".to_owned()),
+        ("threshold noise", percent(c.sigma_t, 1.0), assumed(c.sigma_t, "% of the threshold")),
+        ("electrons", c.electrons_per_threshold, assumed(c.electrons_per_threshold, "per threshold")),
+    ] {
+        report.push_estimate(label, e.value, e.error, &unit);
+    }
 }
 
 /// Returns a sentence with the number of recordings, their size in pixels and their length.
@@ -247,8 +245,6 @@ fn spectrum_figure(name: &str, unit: &str, map: &[f64], width: usize) -> PageEle
 
 fn population_table(c: &Calibration) -> Table {
     let p = &c.population;
-    let mut table =
-        Table::new("Population of the pixels", &["quantity", "value", "relative to the mean"]).open();
     let (a, d) = (p.mean_a.value, p.mean_d.value);
     let rows = [
         ("mean gain a (thresholds per readout at full light)", p.mean_a, None),
@@ -271,13 +267,14 @@ fn population_table(c: &Calibration) -> Table {
     let rows = rows.map(|(name, e, mean)| (name.to_owned(), e, mean)).into_iter();
     let others = shares.into_iter().chain(falloff).chain(classes).filter(|(_, e)| e.value.is_finite());
     let rows = rows.chain(others.map(|(name, e)| (name, e, None)));
-    for (name, e, mean) in rows {
+    let row = |(name, e, mean): (String, Estimate, Option<f64>)| {
         let value = Cell::estimate(e.value, e.error, if e.error.is_finite() { "" } else { "(assumed)" });
-        let relative =
-            mean.map_or(Cell::from(""), |m| Cell::estimate(100.0 * e.value / m, 100.0 * e.error / m, "%"));
-        table.push_row([Cell::from(name), value, relative]);
-    }
-    table
+        let relative = |m| Cell::estimate(100.0 * e.value / m, 100.0 * e.error / m, "%");
+        row![name, value, mean.map_or(Cell::from(""), relative)]
+    };
+    Table::new("Population of the pixels", &["quantity", "value", "relative to the mean"])
+        .open()
+        .with_rows(rows.map(row))
 }
 
 /// Returns the table of the channels of a mosaic.
@@ -291,25 +288,27 @@ fn channel_table(c: &Calibration) -> Table {
         "mean dark rate d",
         "lamp deviation, %",
     ];
-    let mut table = Table::new("Color filters", &header).with_note(
-        "Relative light: light of the lamps behind the filter, divided by the light behind the filter that transmits the most. Lamp deviation: largest significant difference between the light of a level in this channel and in all channels.",
-    );
-    for channel in &c.channels {
+    let row = |channel: &ChannelFit| {
         let p = &channel.population;
-        let percent =
-            |e: Estimate, mean: f64| Cell::estimate(100.0 * e.value / mean, 100.0 * e.error / mean, "");
-        let estimate = |e: Estimate| Cell::estimate(e.value, e.error, "");
-        table.push_row([
-            Cell::from(channel.name.to_string()),
-            Cell::from(channel.pixels),
-            estimate(channel.light),
-            estimate(p.mean_a),
+        let deviation = channel.largest_light_deviation();
+        row![
+            channel.name.to_string(),
+            channel.pixels,
+            channel.light,
+            p.mean_a,
             percent(p.sd_a, p.mean_a.value),
-            estimate(p.mean_d),
-            channel.largest_light_deviation().map_or(Cell::from("none"), |e| percent(e, 1.0)),
-        ]);
-    }
-    table
+            p.mean_d,
+            deviation.map_or(Cell::from("none"), |e| Cell::from(percent(e, 1.0))),
+        ]
+    };
+    Table::new("Color filters", &header).with_rows(c.channels.iter().map(row)).with_note(
+        "Relative light: light of the lamps behind the filter, divided by the light behind the filter that transmits the most. Lamp deviation: largest significant difference between the light of a level in this channel and in all channels.",
+    )
+}
+
+/// Returns `e` in percent of `whole`.
+fn percent(e: Estimate, whole: f64) -> Estimate {
+    Estimate { value: 100.0 * e.value / whole, error: 100.0 * e.error / whole, ..e }
 }
 
 fn lamp_table(c: &Calibration) -> Table {
@@ -325,10 +324,7 @@ fn lamp_table(c: &Calibration) -> Table {
         "scatter about the lines, %",
         "verdict",
     ];
-    let mut table = Table::new("Light levels", &header).with_note(
-        "Uncertainty: standard deviation of the stated light. Pull: deviation divided by this uncertainty. Scatter: spread of the pixels about their fitted lines, relative to the mean rate.",
-    );
-    for lamp in &c.lamps {
+    let row = |lamp: &Lamp| {
         let readouts =
             if lamp.readouts > 0 { Cell::from(lamp.readouts as usize) } else { Cell::from("a map") };
         let [estimated, deviation, pull] = match (lamp.relative_deviation(), lamp.pull()) {
@@ -339,33 +335,31 @@ fn lamp_table(c: &Calibration) -> Table {
             ],
             _ => Default::default(),
         };
-        table.push_row([
-            Cell::from(&lamp.file),
+        row![
+            &lamp.file,
             readouts,
-            Cell::value(lamp.stated_light, ""),
-            Cell::value(100.0 * lamp.stated_uncertainty, ""),
+            lamp.stated_light,
+            100.0 * lamp.stated_uncertainty,
             estimated,
             deviation,
             pull,
-            Cell::value(lamp.mean_rate, ""),
-            Cell::value(100.0 * lamp.rate_scatter, ""),
-            Cell::from(lamp_verdict(lamp)),
-        ]);
-    }
-    table
+            lamp.mean_rate,
+            100.0 * lamp.rate_scatter,
+            lamp_verdict(lamp),
+        ]
+    };
+    Table::new("Light levels", &header).with_rows(c.lamps.iter().map(row)).with_note(
+        "Uncertainty: standard deviation of the stated light. Pull: deviation divided by this uncertainty. Scatter: spread of the pixels about their fitted lines, relative to the mean rate.",
+    )
 }
 
 /// Returns one row for each recording of several sources, and one for the curvature of the response.
 fn additivity_table(additivity: &Additivity) -> Table {
     let header = ["recording", "sources", "response more than the sum, %"];
-    let mut table = Table::new("Sums of sources", &header);
-    let percent = |e: Estimate| Cell::estimate(100.0 * e.value, 100.0 * e.error, "");
-    for sum in &additivity.sums {
-        table.push_row([Cell::from(&sum.file), Cell::from(sum.sources.join(" + ")), percent(sum.residual)]);
-    }
-    let name = "deviation from a line at full light";
-    table.push_row([Cell::from(name), Cell::from(""), percent(additivity.curvature)]);
-    table
+    let sums = additivity.sums.iter();
+    let sums = sums.map(|sum| row![&sum.file, sum.sources.join(" + "), percent(sum.residual, 1.0)]);
+    let curvature = row!["deviation from a line at full light", "", percent(additivity.curvature, 1.0)];
+    Table::new("Sums of sources", &header).with_rows(sums.chain([curvature]))
 }
 
 fn lamp_verdict(lamp: &Lamp) -> String {
@@ -404,25 +398,25 @@ fn histogram_figure(title: &str, unit: &str, map: &[f64]) -> PageElement {
 /// threshold.
 fn snee_table(c: &Calibration, paper: &SneeMaps) -> Table {
     let header = ["quantity", "paper: mean", "paper: spread", "default: mean", "default: spread"];
-    let mut table = Table::new("The paper's estimator (SNEE)", &header);
     let p = &c.population;
-    let spread_cells = |mean: f64, sd: f64| [Cell::value(mean, ""), Cell::value(sd, "")];
-    let cells = |value: fn(&SneePixel) -> f64| {
-        let (mean, sd) = mean_and_sd(&paper.map(value));
-        spread_cells(mean, sd)
-    };
-    let mut row = |name: &str, value: fn(&SneePixel) -> f64, cell_pair: [Cell; 2]| {
-        table.push_row(std::iter::once(Cell::from(name)).chain(cells(value)).chain(cell_pair));
-    };
-    let unknown = || [Cell::from("not identified"), Cell::from("")];
-    row("alpha / phi = a, identified", |s| s.alpha / s.phi, spread_cells(p.mean_a.value, p.sd_a.value));
-    row("I / phi = d, identified", |s| s.dark / s.phi, spread_cells(p.mean_d.value, p.sd_d.value));
-    row("phi, relative to the nominal threshold", |s| s.phi, spread_cells(1.0, p.sigma_phi.value));
-    row("C_S, relative to the nominal capacitance", |s| s.c_s, unknown());
-    row("V_S, relative to the nominal swing", |s| s.v_s, unknown());
-    row("alpha, in nominal thresholds", |s| s.alpha, unknown());
-    row("I, in nominal thresholds", |s| s.dark, unknown());
-    table
+    let spread_cells = |mean: f64, sd: f64| row![mean, sd];
+    let unknown = || row!["not identified", ""];
+    type Row<'a> = (&'a str, fn(&SneePixel) -> f64, [Cell; 2]);
+    let rows: [Row<'_>; 7] = [
+        ("alpha / phi = a, identified", |s| s.alpha / s.phi, spread_cells(p.mean_a.value, p.sd_a.value)),
+        ("I / phi = d, identified", |s| s.dark / s.phi, spread_cells(p.mean_d.value, p.sd_d.value)),
+        ("phi, relative to the nominal threshold", |s| s.phi, spread_cells(1.0, p.sigma_phi.value)),
+        ("C_S, relative to the nominal capacitance", |s| s.c_s, unknown()),
+        ("V_S, relative to the nominal swing", |s| s.v_s, unknown()),
+        ("alpha, in nominal thresholds", |s| s.alpha, unknown()),
+        ("I, in nominal thresholds", |s| s.dark, unknown()),
+    ];
+    Table::new("The paper's estimator (SNEE)", &header).with_rows(rows.into_iter().map(
+        |(name, value, [default_mean, default_sd])| {
+            let (mean, sd) = mean_and_sd(&paper.map(value));
+            row![name, mean, sd, default_mean, default_sd]
+        },
+    ))
 }
 
 /// Explains which values of the estimator are measurements.

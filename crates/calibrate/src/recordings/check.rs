@@ -1,38 +1,28 @@
 //! Checks of a recording set that need the recorded data.
 
-use std::ops::Range;
-
 use super::color_filters::PixelClasses;
+use super::light_unit::{LevelRate, check_light_unit, check_linearity, contradiction_error};
 use super::observations::{LightLevel, Observations};
-use super::recording_set::Stimulus;
+use super::recording_set::{Stimulus, StimulusPattern};
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::sensor::Mosaic;
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
-use spikelane_measure::{finite_values, high_pass, median};
-
-/// Rate above which a pixel is saturated, in spikes per readout. A saturated pixel fires at nearly every readout, so its
-/// rate contains no information about the light.
-pub const SATURATION_RATE: f64 = 0.985;
-
-/// Smallest number of spikes from which a rate is computed from spike times. Two spikes form one interval.
-///
-/// A larger minimum would bias slow pixels. Consider a pixel that fires 2.5 times on average. With a minimum of three
-/// spikes, its rate would be computed from the count whenever it fires twice. Its mean rate would be a tenth too low.
-pub(crate) const MIN_TIMED_SPIKES: u32 = 2;
+use spikelane_measure::{Estimate, finite_values, high_pass, median_and_spread};
 
 /// Number of spikes that most pixels of a lit level must have.
 pub(crate) const MIN_LIT_SPIKES: u32 = 3;
 
-/// Largest deviation of the rate of a level from the line through the other levels, divided by the expected rate. A lamp
-/// that is off has a standard deviation of 30 %.
-const MAX_LEVEL_DEVIATION: f64 = 0.5;
-
-/// Largest deviation of a rate from the line of the levels that is always accepted, in spikes per readout. The median dark
-/// rate differs from the median intercept of the lines by less.
-const MAX_RATE_DEVIATION: f64 = 0.003;
-
 /// Largest share of drifting pixels in a scene that counts as static.
 const MAX_DRIFTING_SHARE: f64 = 0.02;
+
+/// Smallest ratio of the differences between equal filters of the declared pattern to those of a shifted pattern.
+const MAX_PHASE_RATIO: f64 = 4.0;
+
+/// Smallest difference between equal filters that contradicts a declaration, in standard errors and as a share of the
+/// rate. The share exceeds the difference between the two green pixels of real sensors.
+const PHASE_Z_THRESHOLD: f64 = 8.0;
+const MIN_PHASE_DIFFERENCE: f64 = 0.03;
 
 fn set_error(name: &str) -> Error {
     Error::new(ErrorKind::Input, name)
@@ -58,9 +48,7 @@ pub(crate) fn check_checkerboard(level: &LightLevel, light: Stimulus, geometry: 
         if high + low > 0.0 { (high - low) / (high + low) } else { 0.0 }
     };
     let (high, low) = match light {
-        Stimulus::Scene(super::recording_set::StimulusPattern::Checkerboard { high, low, .. }) => {
-            (high.min(1.0), low.min(1.0))
-        }
+        Stimulus::Scene(StimulusPattern::Checkerboard { high, low, .. }) => (high.min(1.0), low.min(1.0)),
         _ => return Ok(()),
     };
     // The limit is half of the contrast, because crosstalk, dark current and blur reduce the contrast by less.
@@ -117,7 +105,7 @@ pub(crate) fn check_levels(observed: &Observations) -> Result<()> {
     check_spike_counts(&lit)?;
     // Rate maps of unknown length are not checked, because they can have another unit.
     let streams: Vec<LevelRate> =
-        levels.iter().filter(|l| l.readouts > 0).map(|l| LevelRate::new(l, classes)).collect();
+        levels.iter().filter(|l| l.readouts > 0).map(|l| level_rate(l, classes)).collect();
     check_light_unit(&streams, 0.5..2.0)?;
     check_monotonic(levels, classes)?;
     check_orientation(observed, classes)
@@ -141,79 +129,19 @@ fn check_spike_counts(lit: &[&LightLevel]) -> Result<()> {
     Ok(())
 }
 
-/// Rate of a uniform level.
-#[derive(Clone, Copy)]
-pub(crate) struct LevelRate<'a> {
-    /// File name of the recording.
-    pub name: &'a str,
-    /// Stated light.
-    pub light: f64,
-    /// Rate of an average pixel in spikes per readout.
-    pub rate: f64,
-}
-
-impl<'a> LevelRate<'a> {
-    fn new(level: &'a LightLevel, classes: &PixelClasses) -> Self {
-        Self { name: &level.name, light: level.light, rate: level.typical_rate(classes) }
-    }
-
-    fn is_usable(&self) -> bool {
-        self.rate <= SATURATION_RATE
-    }
-}
-
-/// Checks the unit of the light. Light 1 causes one spike per readout, so the rate of a level must nearly equal its light.
-/// `levels` are in ascending order of light.
-///
-/// The check finds levels that are stated in percent, gray values, lux or any other unit. The error states the factor
-/// that converts the levels. This factor is the slope of the rates. If the rates are not linear in the light, no factor
-/// can be estimated, and the error names the level that contradicts the others. A slope inside `accepted` can be the gain
-/// of the camera.
-pub(crate) fn check_light_unit(levels: &[LevelRate], accepted: Range<f64>) -> Result<()> {
-    let usable: Vec<LevelRate> = levels.iter().copied().filter(LevelRate::is_usable).collect();
-    let (Some(dark), Some(bright)) = (levels.first(), usable.last()) else { return Ok(()) };
-    if bright.light <= dark.light || bright.light <= 0.0 {
-        return Ok(());
-    }
-    let slope = (bright.rate - dark.rate) / (bright.light - dark.light);
-    if accepted.contains(&slope) {
-        return Ok(());
-    }
-    let factor = check_linearity(&usable)?;
-    // Without spikes in lit levels, the rates contain no information about the unit.
-    let remedy = if factor > 0.0 {
-        let inverse =
-            if factor < 1.0 { format!(" (1/{})", significant(1.0 / factor)) } else { String::new() };
-        format!(
-            "multiply all levels by {}{inverse}; the factor is estimated from the rates of {} levels",
-            significant(factor),
-            usable.len()
-        )
-    } else {
-        "check the light of the files in the recording set".to_owned()
-    };
-    Err(set_error(bright.name)
-        .found(format_args!("rate {:.4} at light {}", bright.rate, bright.light))
-        .expected("light as a fraction of the light that gives one spike per readout, and a similar rate")
-        .remedy(remedy))
-}
-
-/// Formats a positive number with at most three significant digits.
-fn significant(x: f64) -> String {
-    let digits = (2.0 - x.log10().floor()).clamp(0.0, 12.0) as usize;
-    let text = format!("{x:.digits$}");
-    if digits > 0 { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+fn level_rate<'a>(level: &'a LightLevel, classes: &PixelClasses) -> LevelRate<'a> {
+    LevelRate { name: &level.name, light: level.light, rate: level.typical_rate(classes) }
 }
 
 /// Checks that more light causes more spikes, nearly in proportion.
 fn check_monotonic(levels: &[LightLevel], classes: &PixelClasses) -> Result<()> {
     let rates: Vec<LevelRate> =
-        levels.iter().map(|l| LevelRate::new(l, classes)).filter(LevelRate::is_usable).collect();
+        levels.iter().map(|l| level_rate(l, classes)).filter(LevelRate::is_usable).collect();
     // A level can be wrong in one class of pixels, for example if half of the columns are silent.
     for class in 0..classes.count() {
         let of_class = |l| LevelRate {
             rate: LightLevel::class_median_rates(l, classes)[class],
-            ..LevelRate::new(l, classes)
+            ..level_rate(l, classes)
         };
         let rates: Vec<LevelRate> = levels.iter().map(of_class).filter(LevelRate::is_usable).collect();
         if rates.len() >= 4 {
@@ -234,43 +162,6 @@ fn check_monotonic(levels: &[LightLevel], classes: &PixelClasses) -> Result<()> 
         }
     }
     Ok(())
-}
-
-/// Checks that the levels lie on a line, and returns the slope of this line. The error names the level that is off the
-/// line through the other levels, even if a neighbor of this level also contradicts it.
-///
-/// The check accepts deviations of up to half of the rate. They are errors of the lamps, and the fit of the pixels finds
-/// them. A larger deviation is a mislabeled file.
-fn check_linearity(levels: &[LevelRate]) -> Result<f64> {
-    // The slope of Theil's line is the median of the slopes between all pairs of levels. A few wrong levels hardly
-    // change this median.
-    let mut slopes = Vec::new();
-    for (i, p) in levels.iter().enumerate() {
-        slopes.extend(levels[i + 1..].iter().map(|q| (q.rate - p.rate) / (q.light - p.light)));
-    }
-    let slope = median(&mut slopes);
-    let at = |l: &LevelRate| l.rate - slope * l.light;
-    let offset = median(&mut levels.iter().map(at).collect::<Vec<_>>());
-    let lowest = levels.iter().find(|l| l.light > 0.0).map_or(0.0, |l| l.rate);
-    for level in levels {
-        let expected = slope * level.light + offset;
-        // The light of the dark level is exact. If the dark level is off the line, a wrong lit level may have tilted the
-        // line. The dark level therefore has the tolerance of a lit level. The fit of the pixels finds the wrong level.
-        let scale = if level.light == 0.0 { expected.max(lowest) } else { expected };
-        if (level.rate - expected).abs() > MAX_LEVEL_DEVIATION * scale + MAX_RATE_DEVIATION {
-            return Err(contradiction_error(level).found(format_args!(
-                "rate {:.5} at light {}, where the other levels give {expected:.5}",
-                level.rate, level.light
-            )));
-        }
-    }
-    Ok(slope)
-}
-
-fn contradiction_error(level: &LevelRate) -> Error {
-    set_error(level.name)
-        .expected("rates that increase with the light as at the other levels")
-        .remedy("check the light of this file in the recording set; levels are fractions of saturation")
 }
 
 /// Checks that all recordings have the same orientation. All recordings of one camera contain the same fixed pattern. If
@@ -312,7 +203,7 @@ pub fn pattern_correlation(a: &LightLevel, b: &LightLevel, width: usize) -> f64 
 /// which limits the influence of hot pixels.
 fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     let cut = |map: &[f64]| {
-        let (_, spread) = spikelane_measure::median_and_spread(&mut finite_values(map));
+        let (_, spread) = median_and_spread(&mut finite_values(map));
         let limit = 3.0 * spread;
         map.iter().map(|x| x.clamp(-limit, limit)).collect::<Vec<f64>>()
     };
@@ -320,4 +211,80 @@ fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     let sum =
         |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).filter(|v| v.is_finite()).sum::<f64>();
     sum(&a, &b) / (sum(&a, &a) * sum(&b, &b)).sqrt()
+}
+
+impl Observations {
+    /// Returns the classes of the pixels after a check of the declared filters.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Input`] if pixels with equal declared filters have different rates.
+    pub(crate) fn checked_pixel_classes(&self) -> Result<PixelClasses> {
+        let classes = self.pixel_classes();
+        check_declared_mosaic(self, &classes)?;
+        Ok(classes)
+    }
+}
+
+/// Checks that pixels with equal declared filters have equal rates. If another phase of the pattern explains the rates,
+/// the error names it.
+///
+/// The check cannot find a swap of red and blue, as between RGGB and BGGR, because the color of the lamps is unknown.
+fn check_declared_mosaic(observed: &Observations, classes: &PixelClasses) -> Result<()> {
+    let (rows, cols) = classes.mosaic().period();
+    let is_usable = |l: &&LightLevel| l.light > 0.0 && l.typical_rate(classes) < 1.0;
+    let Some(level) = observed.levels.iter().rfind(is_usable).filter(|_| classes.are_declared) else {
+        return Ok(());
+    };
+    let width = observed.geometry.width();
+    let position = |p: usize| p / width % rows * cols + p % width % cols;
+    let mut rates = vec![Vec::new(); rows * cols];
+    level.rate.iter().enumerate().for_each(|(p, rate)| rates[position(p)].push(*rate));
+    let medians: Vec<Estimate> = rates.iter_mut().map(|rates| median_with_error(rates)).collect();
+    // The largest difference between two positions with equal filters, in standard errors and relative to their mean.
+    let contradiction = |mosaic: &Mosaic| {
+        let name = |i: usize| mosaic.name_at(i / cols, i % cols);
+        let pairs =
+            (0..rows * cols).flat_map(|i| (0..i).map(move |j| (i, j))).filter(|(i, j)| name(*i) == name(*j));
+        let difference = |(i, j): (usize, usize)| {
+            let [a, b] = [medians[i], medians[j]];
+            let difference = (a.value - b.value).abs();
+            [difference / (0.5 * (a.value + b.value)), difference / a.error.hypot(b.error)]
+        };
+        let all: Vec<[f64; 2]> = pairs.map(difference).filter(|d| d[0].is_finite()).collect();
+        all.into_iter().fold([0.0_f64; 2], |most, d| if d[0] > most[0] { d } else { most })
+    };
+    let [difference, z] = contradiction(classes.mosaic());
+    if difference < MIN_PHASE_DIFFERENCE || z < PHASE_Z_THRESHOLD {
+        return Ok(());
+    }
+    let shifts = (0..rows).flat_map(|row| (0..cols).map(move |col| (row, col)));
+    let mut agreeing: Vec<String> = shifts
+        .map(|(row, col)| classes.mosaic().shifted(row, col))
+        .filter(|mosaic| contradiction(mosaic)[0] * MAX_PHASE_RATIO < difference)
+        .map(|mosaic| mosaic.to_string())
+        .collect();
+    agreeing.dedup();
+    let error = Error::new(ErrorKind::Input, &level.name)
+        .found(format_args!(
+            "rates that differ by {:.0} % between pixels with the same filter of the mosaic {}",
+            100.0 * difference,
+            classes.mosaic()
+        ))
+        .expected("equal mean rates of equal filters");
+    Err(match agreeing.is_empty() {
+        true => error.remedy("correct the mosaic, or state none"),
+        false => error.remedy(format_args!(
+            "state the mosaic {}, whose phase agrees with the rates",
+            agreeing.join(" or ")
+        )),
+    })
+}
+
+/// Returns the median of `values` with its standard error, from the median absolute deviation of normal values.
+fn median_with_error(values: &mut [f64]) -> Estimate {
+    let samples = values.len();
+    let (value, spread) = median_and_spread(values);
+    // The error of a median is sqrt(pi / 2) times the error of a mean.
+    let error = spread * (std::f64::consts::FRAC_PI_2 / samples as f64).sqrt();
+    Estimate { value, error: error.max(f64::MIN_POSITIVE), samples }
 }

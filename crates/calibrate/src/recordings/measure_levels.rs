@@ -138,7 +138,6 @@ fn measure_recording(
         frames: true,
         line_covariances: false,
         intervals,
-        interval_deviations: false,
         lags: INTERVAL_LAGS.to_vec(),
         split: Some((reader.readouts() / 2) as u32),
         series_readouts: reader.readouts().min(MAX_EXAMINED_READOUTS),

@@ -1,11 +1,27 @@
 //! Measurements of a recording set: for each uniform level, the data of each pixel.
 
-use super::check::{MIN_TIMED_SPIKES, SATURATION_RATE};
 use super::color_filters::{ColorFilters, PixelClasses};
+use super::light_unit::SATURATION_RATE;
 use super::recorded_camera::RecordedCamera;
 use super::sources::Sources;
+use crate::formulas::robust::{regular_weights, standardize};
+use spikelane::sensor::Mosaic;
 use spikelane::spikes::{Geometry, span_rate};
-use spikelane_measure::{Estimate, finite_values, median};
+use spikelane_measure::{Estimate, detect_mosaic, finite_values, median};
+
+/// Smallest number of spikes from which a rate is computed from spike times. Two spikes form one interval.
+///
+/// A larger minimum would bias slow pixels. Consider a pixel that fires 2.5 times on average. With a minimum of three
+/// spikes, its rate would be computed from the count whenever it fires twice. Its mean rate would be a tenth too low.
+pub(crate) const MIN_TIMED_SPIKES: u32 = 2;
+
+/// Highest rate of a pixel whose interval variance is used, in spikes per readout.
+pub(crate) const MAX_GROWTH_RATE: f64 = 0.2;
+
+/// Smallest number of pixels whose interval noise is standardized together.
+const MIN_GROUP_PIXELS: usize = 200;
+/// Largest number of groups of pixels with similar numbers of spikes.
+const MAX_SPIKE_GROUPS: usize = 10;
 
 /// Phase variance of every pixel at one light level. The variance of a span of `n` intervals is `n` times the variance
 /// per spike, plus the end variance.
@@ -168,6 +184,25 @@ impl LightLevel {
     pub fn median_rate(&self) -> f64 {
         median(&mut finite_values(&self.rate))
     }
+
+    /// Returns, for each pixel of the level, the probability that its interval noise is not an outlier.
+    ///
+    /// Pixels with similar numbers of spikes are standardized together, because the lags and the error of an estimate depend
+    /// on this number.
+    pub(crate) fn interval_weights(&self) -> Vec<f64> {
+        let Some(noise) = &self.interval_noise else { return Vec::new() };
+        let mut weights = vec![0.0; noise.map.len()];
+        let mut used: Vec<usize> = (0..weights.len())
+            .filter(|p| noise.map[*p].is_finite() && self.rate[*p] < MAX_GROWTH_RATE)
+            .collect();
+        used.sort_by_key(|p| self.spikes[*p]);
+        let size = used.len().div_ceil(MAX_SPIKE_GROUPS).max(MIN_GROUP_PIXELS);
+        let standardized =
+            |group: &[usize]| standardize(&group.iter().map(|p| noise.map[*p]).collect::<Vec<_>>());
+        let all: Vec<f64> = used.chunks(size).flat_map(standardized).collect();
+        used.iter().zip(regular_weights(&all)).for_each(|(p, w)| weights[*p] = w);
+        weights
+    }
 }
 
 /// The uniform levels of a set, and the file names of the set's other recordings.
@@ -185,4 +220,26 @@ pub struct Observations {
     pub filters: ColorFilters,
     /// Description of the camera, if the set has one.
     pub camera: Option<RecordedCamera>,
+}
+
+impl Observations {
+    /// Returns the two possible Bayer patterns of recordings without stated filters, or `None` if they have no such
+    /// pattern. The brightest level without a saturated pixel class shows it.
+    #[must_use]
+    pub fn detected_mosaics(&self) -> Option<[Mosaic; 2]> {
+        if self.filters != ColorFilters::Unknown {
+            return None;
+        }
+        let width = self.geometry.width();
+        let classes = PixelClasses::new(&ColorFilters::Unknown, width, false);
+        // A rate map of unknown length has no counts.
+        let is_usable = |l: &&LightLevel| l.readouts > 0 && l.typical_rate(&classes) < 1.0;
+        let brightest = self.levels.iter().rfind(is_usable)?;
+        detect_mosaic(&brightest.spikes, width)
+    }
+
+    /// Returns the classes of the pixels.
+    pub(crate) fn pixel_classes(&self) -> PixelClasses {
+        PixelClasses::new(&self.filters, self.geometry.width(), self.detected_mosaics().is_some())
+    }
 }

@@ -361,7 +361,7 @@ pub fn predict_precision(protocol: &Protocol, camera: &Camera, readouts: u32) ->
             s += sigma * sigma * crate::formulas::selection::firing_draw_variance(x / sigma.max(1e-12));
         }
         let intervals = x * f64::from(readouts);
-        if x > 0.0 && x < super::check::SATURATION_RATE && intervals >= 2.0 {
+        if x > 0.0 && x < super::light_unit::SATURATION_RATE && intervals >= 2.0 {
             let weights = RateWeighting { threshold_variance: s, light_variance: 0.0, dark_variance: 0.0 };
             points.push((light, x, weights.variance(x, intervals, 0.0)));
         }

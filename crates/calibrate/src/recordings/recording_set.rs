@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::check::{LevelRate, check_light_unit};
 use super::color_filters::ColorFilters;
+use super::light_unit::{LevelRate, check_light_unit};
 use super::recorded_camera::RecordedCamera;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::sensor::Mosaic;
@@ -145,6 +145,9 @@ pub(super) fn mean_rate_at_start(reader: &StreamReader) -> Result<f64> {
     }
     Ok(spikes as f64 / (readouts * reader.geometry().pixels()) as f64)
 }
+
+/// Relative standard deviation of a light level without a stated uncertainty. It is typical of a laboratory light meter.
+pub const DEFAULT_LIGHT_UNCERTAINTY: f64 = 0.01;
 
 /// Gains that [`RecordingSet::check_light_unit`] attributes to the camera. Percent, gray values and lux are outside.
 const PLAUSIBLE_GAINS: Range<f64> = 0.1..10.0;

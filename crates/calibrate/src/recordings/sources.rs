@@ -5,8 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use super::recording_set::{Recording, RecordingSet};
-use crate::result::DEFAULT_LIGHT_UNCERTAINTY;
+use super::recording_set::{DEFAULT_LIGHT_UNCERTAINTY, Recording, RecordingSet};
 use spikelane::error::{Error, ErrorKind, Result};
 
 /// Relative standard deviation of the light of the sources from one recording to another, if the set states none. It is

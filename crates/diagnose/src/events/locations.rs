@@ -12,18 +12,13 @@ use crate::events::repeated_readouts::locate_repeated;
 use crate::recordings::bits::PixelBits;
 use crate::recordings::recorded_scene::RecordedScene;
 use crate::recordings::scan::Scan;
+use crate::thresholds::{MAX_LISTED_EVENTS, MIN_CERTAIN_EVENTS};
 use spikelane::effects::{Definition, EventKind};
 use spikelane::pixel::Op;
 use spikelane::spikes::SpikeFramesRef;
 
 /// Number of event kinds: lost readouts, repeated readouts.
 pub(crate) const KIND_COUNT: usize = 2;
-
-/// Number of events from which on the effect is a candidate regardless of its signature.
-const MIN_CERTAIN_EVENTS: usize = 3;
-
-/// Largest number of events whose locations are listed.
-const MAX_LISTED_EVENTS: usize = 4;
 
 /// Locations of the events of each kind in a recording; `None` if they cannot be located. The location of a lost
 /// readout is the first readout after it.

@@ -10,34 +10,12 @@ use std::ops::Range;
 use crate::recordings::bits::{BAND_COUNT, PixelBits, count_between};
 use crate::recordings::recorded_scene::RecordedScene;
 use crate::recordings::stretches::Stretch;
+use crate::thresholds::{
+    ADJACENT_SHARE, MAX_MISSING_RUN, MIN_EXPECTED_SPIKES, MIN_FOUND_SHARE, MIN_GAP_INTERVALS, MIN_INTERVALS,
+    MIN_MEAN_INTERVAL, MIN_SHARPNESS,
+};
 use spikelane::unstable::spikes::set_bits;
 use spikelane::unstable::threads;
-
-/// Shortest mean interval, in readouts, at which a missing spike is visible. The interval across a lost readout is
-/// then `2 x 2.3 - 1 = 3.6`, above the longest regular interval of 3.
-const MIN_MEAN_INTERVAL: f64 = 2.3;
-
-/// Smallest length of an interval with a missing spike, in mean intervals.
-const MIN_GAP_INTERVALS: f64 = 1.4;
-
-/// Largest number of successive missing spikes. Two readouts at a distance of one mean interval cause two.
-const MAX_MISSING_RUN: u32 = 2;
-
-/// Smallest number of intervals that determine the mean interval of a pixel.
-const MIN_INTERVALS: usize = 4;
-
-/// Smallest expected number of spikes in a lost readout. With 30, the probability that fewer than [`MIN_FOUND_SHARE`]
-/// of them are missing is below 1/500.
-const MIN_EXPECTED_SPIKES: f64 = 30.0;
-
-/// Smallest share of the expected spikes that are missing at a lost readout.
-const MIN_FOUND_SHARE: f64 = 0.45;
-
-/// Smallest number of missing spikes at a lost readout, relative to the windows beside it.
-const MIN_SHARPNESS: f64 = 4.0;
-
-/// Share of the expected spikes in the adjacent readouts above which another lost readout is assumed there.
-const ADJACENT_SHARE: f64 = 0.15;
 
 /// The readouts of each light, as ranges.
 pub(crate) type LightPeriods = Vec<Vec<Range<usize>>>;

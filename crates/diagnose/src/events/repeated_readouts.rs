@@ -5,13 +5,8 @@ use std::ops::Range;
 use crate::events::lost_readouts::LightPeriods;
 use crate::recordings::bits::{PixelBits, count_between};
 use crate::recordings::scan::Scan;
+use crate::thresholds::{MIN_MEAN_CHANGES, MIN_UNUSUAL_PIXELS};
 use spikelane::spikes::{SpikeFramesRef, bit};
-
-/// Smallest mean number of changed bits per readout at which equal readouts are distinguishable from chance.
-const MIN_MEAN_CHANGES: f64 = 4.0;
-
-/// Smallest number of pixels with an unusual repetition in a repeated readout. A single pixel may repeat by chance.
-const MIN_UNUSUAL_PIXELS: usize = 2;
 
 /// Locates the readouts that repeat the previous one under the same light. Returns `None` if hardly any bits change,
 /// or if the light is never constant.

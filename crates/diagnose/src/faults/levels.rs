@@ -9,15 +9,12 @@
 use crate::faults::fault::{Fault, FaultKind};
 use crate::statistics::order::Spread;
 use crate::thresholds::{
-    MAX_LAMP_SCATTER, MAX_LEVEL_PULL, MIN_LEVEL_DEVIATIONS, MIN_RESPONSE_UNCERTAINTY,
+    MAX_LAMP_SCATTER, MAX_LEVEL_PULL, MIN_LEVEL_DEVIATIONS, MIN_LIT_LEVELS, MIN_RESPONSE_UNCERTAINTY,
     REPORTED_LAMP_UNCERTAINTY, REPORTED_SCATTER_Z, WIDENED_SCATTER_Z,
 };
 use nalgebra::{DMatrix, DVector};
 use spikelane_calibrate::LightLevel;
 use spikelane_calibrate::unstable::{SATURATION_RATE, chi_square_over_freedom};
-
-/// Smallest number of lit levels for a report of a single level, and for a report of the scatter.
-const MIN_LEVELS: [usize; 2] = [4, 3];
 
 /// A level of light.
 #[derive(Clone, Copy, Debug)]
@@ -120,11 +117,11 @@ pub(super) fn check(points: &[Point]) -> LampCheck {
     left.iter_mut().for_each(|p| p.response = p.response / scale - 1.0);
     let mut found = LampCheck { factor: 1.0, ..LampCheck::default() };
     let own = |points: &[Point]| points.iter().filter(|p| p.recording.is_some()).count();
-    if own(&left) < MIN_LEVELS[1] || !(scale.is_finite() && scale > 0.0) {
+    if own(&left) < MIN_LIT_LEVELS[1] || !(scale.is_finite() && scale > 0.0) {
         return found;
     }
     // Most lamps must remain, because the others are compared with them.
-    while own(&left) >= MIN_LEVELS[0] && 3 * found.off.len() < points.len() && !is_smooth(&left) {
+    while own(&left) >= MIN_LIT_LEVELS[0] && 3 * found.off.len() < points.len() && !is_smooth(&left) {
         let Some((i, by)) = most_deviating(&left) else { break };
         found.off.extend(left[i].recording.map(|k| (k, by)));
         left.remove(i);

@@ -3,17 +3,9 @@
 use crate::faults::fault::{Fault, FaultKind};
 use crate::recordings::recorded_scene::RecordedScene;
 use crate::recordings::scan::Scan;
+use crate::thresholds::{MAX_FOREIGN_CORRELATION, MIN_OWN_CORRELATION};
 use spikelane_calibrate::LightLevel;
-use spikelane_calibrate::unstable::pattern_correlation;
-
-/// Smallest pattern correlation of two recordings of one sensor.
-const MIN_OWN_CORRELATION: f64 = 0.5;
-
-/// Largest pattern correlation of two sensors.
-const MAX_FOREIGN_CORRELATION: f64 = 0.25;
-
-/// Rate above which saturation distorts the pattern.
-const MAX_PATTERN_RATE: f64 = 0.985;
+use spikelane_calibrate::unstable::{SATURATION_RATE, pattern_correlation};
 
 /// Returns a fault if the scene of a recording under constant light moves between its halves.
 pub(super) fn motion_fault(scene: &RecordedScene, scan: &Scan) -> Option<Fault> {
@@ -35,7 +27,7 @@ pub(super) fn motion_fault(scene: &RecordedScene, scan: &Scan) -> Option<Fault> 
 /// Returns the lit levels whose pattern differs from that of the others, if most of the others have a common pattern.
 pub(super) fn foreign_patterns(levels: &[(usize, LightLevel)], width: usize) -> Vec<(usize, Fault)> {
     let usable: Vec<&(usize, LightLevel)> =
-        levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= MAX_PATTERN_RATE).collect();
+        levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= SATURATION_RATE).collect();
     let best = |i: usize| {
         let others = (0..usable.len()).filter(|j| *j != i);
         others.map(|j| pattern_correlation(&usable[i].1, &usable[j].1, width)).fold(-1.0, f64::max)

@@ -4,28 +4,11 @@ use crate::faults::fault::{Fault, FaultKind};
 use crate::recordings::scan::Scan;
 use crate::recordings::setup::Setup;
 use crate::statistics::spectrum::{line, power};
+use crate::thresholds::{
+    MAINS_LIGHT_HZ, MAINS_RESOLUTION_HZ, MAX_STEADY_CHANGE, MIN_CHANGE_RATIO, MIN_LINE_LIGHT, MIN_PROMINENCE,
+};
 use spikelane_calibrate::LightLevel;
 use spikelane_measure::SpectralLine;
-
-/// Smallest change of a lamp relative to the largest change of steady recordings. An effect of the camera changes all
-/// recordings.
-const MIN_CHANGE_RATIO: f64 = 5.0;
-
-/// Relative change between the halves below which a recording is steady.
-const MAX_STEADY_CHANGE: f64 = 1e-3;
-
-/// Smallest prominence of a line, which is its power divided by the mean power around it. One frequency in 1e17
-/// exceeds it by chance (exp(-40)).
-const MIN_PROMINENCE: f64 = 40.0;
-
-/// Smallest light at which the firing rates of the pixels exceed the frequencies of the lines.
-const MIN_BRIGHT_LIGHT: f64 = 0.2;
-
-/// Twice the mains frequencies, in hertz.
-const MAINS_LIGHT_HZ: [f64; 2] = [100.0, 120.0];
-
-/// Largest distance between two frequencies of a spectrum that distinguishes both of [`MAINS_LIGHT_HZ`], in hertz.
-const MAINS_RESOLUTION_HZ: f64 = (MAINS_LIGHT_HZ[1] - MAINS_LIGHT_HZ[0]) / 2.0;
 
 /// Returns the levels whose light drifts, if at least half of the lit levels are steady. If most levels drift
 /// together, the cause is the camera or a common lamp, and the search for effects examines it.
@@ -80,7 +63,7 @@ pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<u
         .filter(|k| {
             let scene = &setup.recordings[*k];
             // The rates of a static scene differ, so few of its pixels have a common line.
-            scene.is_constant() && (scene.static_scene.is_some() || scene.brightness() >= MIN_BRIGHT_LIGHT)
+            scene.is_constant() && (scene.static_scene.is_some() || scene.brightness() >= MIN_LINE_LIGHT)
         })
         .collect();
     let found = bright_recordings.iter().filter_map(|k| {

@@ -1,4 +1,4 @@
-//! A model with effects, fitted to a set.
+//! A model with effects that is fitted to a set.
 
 use crate::events::locations::{EventCount, Events, PinnedEvents};
 use crate::fits::likelihood::Likelihood;
@@ -6,6 +6,7 @@ use crate::light::offsets::columns;
 use crate::null_model::metric::{Bound, Metric};
 use crate::null_model::model::NullModel;
 use crate::null_model::signature::Signature;
+use crate::null_model::vectors::beside;
 use crate::sensors::catalog::Candidate;
 use crate::sensors::model::Model;
 use crate::thresholds::{
@@ -15,49 +16,49 @@ use nalgebra::{DMatrix, DVector};
 use spikelane::effects::Definition;
 use spikelane::effects::definition::SearchScale;
 
-/// What derivatives were taken from: they are taken again where that has changed.
+/// The state at which derivatives were computed. They are computed again if it changes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct DerivativeOrigin {
     pub(super) at: Vec<f64>,
     pub(super) count: usize,
     pub(super) around: bool,
-    /// Statistics that each effect hardly moves, and the simulations that told.
+    /// Statistics that each effect hardly changes, and the number of simulations that show it.
     pub(super) unmoved: Vec<Vec<usize>>,
     pub(super) told_by: usize,
 }
 
-/// A model with effects, fitted.
+/// A fitted model with effects.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
     /// Effects in the order in which they were added, with the number of knobs of each.
     pub effects: Vec<(&'static Definition, usize)>,
     pub model: Model,
-    /// Lost and repeated readouts of the sets at hand.
+    /// Lost and repeated readouts of the fitted and of the held-out set.
     pub located: Events,
     pub u: Vec<f64>,
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
-    /// The numbers and the offsets of the lamps that `each` was simulated and compared with the data with; empty where that was
-    /// done with other effects, and for the base model, which the null's noise judges.
+    /// The parameters and the lamp offsets with which `each` was simulated and compared with the data. Empty if the
+    /// effects have changed since, and for the base model, which has the noise of the null model.
     pub(super) at: Vec<f64>,
     /// Changes per unit of the effects' knobs.
     pub jacobian: DMatrix<f64>,
-    /// The same of the base knobs, where effects couple what these move.
+    /// Changes per unit of the base knobs, if effects couple their changes.
     pub crossed: Option<DMatrix<f64>>,
-    /// What `jacobian` was taken from.
+    /// The state at which `jacobian` was computed.
     pub taken: DerivativeOrigin,
     /// Changes per standard deviation of the numbers of events.
     pub events: DMatrix<f64>,
-    /// Squared distance to the data by the first null's noise, calibration projected out.
+    /// Squared distance from the data by the noise of the null model, without the directions that calibration fits.
     pub misfit: f64,
-    /// What the model's own simulations stray, where that is more than the null's.
+    /// Noise of the model, which is at least that of the null model.
     pub(super) likelihood: Likelihood,
     /// [`Likelihood::deviance`] of the data.
     pub cost: f64,
 }
 
 impl Fit {
-    /// The base model.
+    /// Returns the fit of the base model.
     pub(crate) fn base(reference: &NullModel, data: &DVector<f64>, located: Events) -> Self {
         let off = data - &reference.mean;
         Self {
@@ -78,23 +79,24 @@ impl Fit {
         }
     }
 
-    /// How unlikely data are that lie `off` from this model's mean: twice the negative logarithm, less a constant.
+    /// Returns the deviance of data that differ by `off` from the mean: twice the negative logarithm of the likelihood,
+    /// up to a constant.
     pub(crate) fn deviance_of(&self, off: &DVector<f64>) -> f64 {
         self.likelihood.deviance(off)
     }
 
-    /// Squared length of a difference in this model's noise.
+    /// Returns the squared length of a difference by the noise of this model.
     pub(crate) fn length_of(&self, off: &DVector<f64>) -> f64 {
         self.likelihood.metric.square(off)
     }
 
-    /// Logarithm of the determinant of this model's noise over the null's.
+    /// Returns the logarithm of the determinant of the noise, relative to the null model.
     pub(crate) fn noise_of_its_own(&self) -> f64 {
         self.likelihood.log_volume
     }
 
-    /// Simulations of a mean in a tournament, and in its second leg. Beside lost readouts two of them raised a cost of 1,000 to 2,500, and
-    /// the names were ranked by their draws.
+    /// Returns the numbers of simulations of a mean in both legs of a tournament. Measured: beside lost readouts, two
+    /// simulations raised a cost of 1,000 to 2,500, and the order of the effects depended on the draws.
     pub(crate) fn draws(&self) -> [usize; 2] {
         if self.is_noisy() {
             [SOME_SIMULATIONS, 2 * SOME_SIMULATIONS]
@@ -107,43 +109,38 @@ impl Fit {
         self.noise_of_its_own() > MIN_NOISY_LOG_VOLUME
     }
 
-    /// The cost with a price for every number that was fitted.
+    /// Returns the cost plus a penalty for each fitted parameter.
     pub(crate) fn price(&self) -> f64 {
         self.cost + 2.0 * self.u.len() as f64
     }
 
-    /// Whether it does not have the effect of this signature.
+    /// Returns whether the model does not contain the effect of a signature.
     pub(crate) fn lacks(&self, signature: &Signature) -> bool {
         self.effects.iter().all(|e| e.0 != signature.candidate.effect)
     }
 
-    /// Directions of the numbers, and then those of the lamps with a unit for each uncertainty.
+    /// Returns the directions of the parameters and then those of the lamps, per unit of each uncertainty.
     pub(crate) fn directions_with_lamps(&self, reference: &NullModel) -> DMatrix<f64> {
-        let (numbers, lamps) =
-            (self.directions(reference), columns(&reference.lamp_slopes, &reference.model));
-        let mut all = DMatrix::zeros(numbers.nrows(), numbers.ncols() + lamps.ncols());
-        all.columns_mut(0, numbers.ncols()).copy_from(&numbers);
-        all.columns_mut(numbers.ncols(), lamps.ncols()).copy_from(&lamps);
-        all
+        beside(&self.directions(reference), &columns(&reference.lamp_slopes, &reference.model))
     }
 
-    /// Whether one of its effects sets in late.
+    /// Returns whether one of the effects has an onset.
     pub(crate) fn sets_in(&self) -> bool {
         self.effects.iter().any(|e| e.0.has_onset)
     }
 
-    /// Number of base knobs.
+    /// Returns the number of base knobs.
     pub(crate) fn base_knobs(&self) -> usize {
         self.u.len() - self.effects.iter().map(|e| e.1).sum::<usize>()
     }
 
-    /// Places of an effect's knobs.
+    /// Returns the indices of the knobs of an effect.
     pub(crate) fn knobs_of(&self, effect: usize) -> std::ops::Range<usize> {
         let start = self.base_knobs() + self.effects[..effect].iter().map(|e| e.1).sum::<usize>();
         start..start + self.effects[effect].1
     }
 
-    /// With `candidate` added, its amplitude scaled.
+    /// Returns a copy with `candidate`, whose amplitude is multiplied by `scale`.
     pub(crate) fn with(&self, candidate: &Candidate, scale: f64) -> Self {
         let mut next = self.of_other_effects();
         next.effects.push((candidate.effect, candidate.knobs.len()));
@@ -155,7 +152,7 @@ impl Fit {
         next
     }
 
-    /// Without one of its effects.
+    /// Returns a copy without one of the effects.
     pub(crate) fn without(&self, effect: usize) -> Self {
         let mut next = self.of_other_effects();
         let range = self.knobs_of(effect);
@@ -166,8 +163,8 @@ impl Fit {
         next
     }
 
-    /// Without one of its effects, the other numbers moved to where they take its part over: by a linear step in `metric`, which has
-    /// its numbers as directions, as far as one is trusted.
+    /// Returns a copy without one of the effects. The other parameters take over the part of the effect by a linear
+    /// step, within its bounds. `metric` has the parameters as directions.
     pub(crate) fn without_and_moved(&self, effect: usize, metric: &Metric) -> Self {
         let amplitude = self.knobs_of(effect).start;
         let (step, bounds) = (metric.along(amplitude, -self.u[amplitude]), self.bounds());
@@ -175,17 +172,17 @@ impl Fit {
         self.moved(&DVector::from_fn(self.u.len(), |j, _| by(j))).without(effect)
     }
 
-    /// A copy of which the effects are about to change: nothing that was simulated holds for it.
+    /// Returns a copy for a change of the effects, without the simulations.
     fn of_other_effects(&self) -> Self {
         Self { at: Vec::new(), taken: DerivativeOrigin::default(), crossed: None, ..self.clone() }
     }
 
-    /// Its numbers and the offsets of its lamps.
+    /// Returns the parameters and the lamp offsets.
     pub(super) fn place(&self) -> Vec<f64> {
         self.u.iter().copied().chain(self.model.lamps.iter().map(|lamp| lamp.offset)).collect()
     }
 
-    /// With its numbers moved.
+    /// Returns a copy with moved parameters.
     pub(crate) fn moved(&self, by: &DVector<f64>) -> Self {
         let mut next = self.clone();
         for (j, by) in by.iter().enumerate() {
@@ -194,14 +191,15 @@ impl Fit {
         next
     }
 
-    /// The same with the base model's numbers held.
+    /// Returns the bounds with fixed base parameters.
     pub(crate) fn bounds_of_effects(&self) -> Vec<Bound> {
         let mut bounds = self.bounds();
         bounds[..self.base_knobs()].iter_mut().for_each(|b| (b.low, b.high) = (0.0, 0.0));
         bounds
     }
 
-    /// How far each number may move: to the end of its range, and as far as a linear step is trusted.
+    /// Returns the bounds of a step of each parameter: the ends of its range, and the distance within which a linear
+    /// step holds.
     pub(crate) fn bounds(&self) -> Vec<Bound> {
         let bound = |j: usize| {
             let (knob, u, base) = (self.model.knobs[j], self.u[j], j < self.base_knobs());
@@ -221,12 +219,12 @@ impl Fit {
         (0..self.u.len()).map(bound).collect()
     }
 
-    /// What is known of every number beforehand, as information: of the base model's by calibration, of an effect's that it
-    /// lies anywhere in its range.
+    /// Returns the prior information about each parameter: of a base parameter from the calibration, of an effect from
+    /// a uniform distribution over its range.
     pub(crate) fn known(&self) -> Vec<f64> {
         let of_effect = |j: usize| {
             let knob = self.model.knobs[j];
-            // A number that cannot move is known exactly. Infinite information would make the covariance NaN.
+            // A parameter that cannot move is known exactly. Infinite information would make the covariance NaN.
             12.0 / (knob.position(knob.range.1) - knob.position(knob.range.0)).powi(2).max(FIXED_RANGE_SQUARE)
         };
         let of_number = |j: usize| match self.count(j) {
@@ -237,7 +235,8 @@ impl Fit {
         (0..self.u.len()).map(of_number).collect()
     }
 
-    /// With the base model's numbers as they were calibrated: they may have moved to take in what is added now.
+    /// Returns a copy with the calibrated base parameters, because fitted ones may have taken over a part of a missing
+    /// effect.
     pub(crate) fn with_calibrated_base(&self) -> Self {
         let mut next = self.clone();
         let base = self.base_knobs();
@@ -245,17 +244,13 @@ impl Fit {
         next
     }
 
-    /// Directions that the data have been fitted along: base knobs and effects' knobs.
+    /// Returns the directions of the fit: base knobs and knobs of the effects.
     pub(crate) fn directions(&self, reference: &NullModel) -> DMatrix<f64> {
-        let (rows, base, own) = (self.mean.len(), reference.jacobian.ncols(), self.jacobian.ncols());
-        let mut all = DMatrix::zeros(rows, base + own);
-        all.columns_mut(0, base).copy_from(self.crossed.as_ref().unwrap_or(&reference.jacobian));
-        all.columns_mut(base, own).copy_from(&self.jacobian);
-        all
+        beside(self.crossed.as_ref().unwrap_or(&reference.jacobian), &self.jacobian)
     }
 }
 
-/// Furthest that a knob moves in one round.
+/// Returns the largest step of a knob in one iteration.
 pub(crate) fn trust(scale: SearchScale, u: f64) -> f64 {
     match scale {
         SearchScale::Log | SearchScale::LogComplement => 0.8,
@@ -264,7 +259,8 @@ pub(crate) fn trust(scale: SearchScale, u: f64) -> f64 {
 }
 
 impl Fit {
-    /// Has lost and repeated readouts that are its effects' where the fitted set has them, as often as the sets at hand do.
+    /// Places the lost and repeated readouts of the effects where the fitted set has them, and sets their probabilities
+    /// to the counted rates.
     pub(crate) fn pin(&mut self) {
         self.model.pinned = PinnedEvents::new(&self.located.fitted, self.effects.iter().map(|e| e.0));
         for e in 0..self.effects.len() {
@@ -276,18 +272,18 @@ impl Fit {
         }
     }
 
-    /// Its model with the lost and repeated readouts of the set that judges.
+    /// Returns the model with the lost and repeated readouts of the held-out set.
     pub(crate) fn judging(&self) -> Model {
         Model { pinned: self.model.pinned.of(&self.located.judging), ..self.model.clone() }
     }
 
-    /// How many events a number is the probability of, where they are located: then no fit moves it.
+    /// Returns the number of located events if parameter `j` is their probability. No fit moves such a parameter.
     pub(crate) fn count(&self, j: usize) -> Option<EventCount> {
         let knob = self.model.knobs[j];
         (j >= self.base_knobs()).then(|| self.located.of(knob.effect)).flatten()
     }
 
-    /// Whether a signature is of an effect that the sets at hand can have.
+    /// Returns whether the sets can contain the effect of a signature.
     pub(crate) fn allows(&self, signature: &Signature) -> bool {
         self.located.allow(signature.candidate.effect)
     }

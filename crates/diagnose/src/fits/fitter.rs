@@ -3,9 +3,9 @@
 use crate::events::locations::kind_index;
 use crate::fits::fit::Fit;
 use crate::fits::likelihood::Likelihood;
-use crate::null_model::mean::{average, shrink};
 use crate::null_model::metric::Metric;
 use crate::null_model::model::NullModel;
+use crate::null_model::vectors::{average, differences, matrix, shrink};
 use crate::thresholds::EVENT_PAIRS;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
@@ -19,7 +19,7 @@ pub(crate) struct Fitter<'a> {
 }
 
 impl Fitter<'_> {
-    /// Simulates the fit's mean, as far as that has not been done, and compares it with the data.
+    /// Simulates the mean of a fit from `count` simulations, unless it exists, and compares it with the data.
     pub(crate) fn evaluate(&self, fit: &mut Fit, count: usize) -> Result<()> {
         let known = if fit.at == fit.place() { std::mem::take(&mut fit.each) } else { Vec::new() };
         if known.len() >= count {
@@ -55,11 +55,11 @@ pub(crate) fn unlocated_event_columns(reference: &NullModel, fit: &Fit) -> Resul
         if scenes.is_empty() {
             continue;
         }
-        // From half of them: twice the root of a count is no straight line from none.
+        // The change is computed from half of the events, because twice the root of a count is not linear near zero.
         let mut fewer = fit.u.clone();
         fewer[j] *= 0.5;
         let fewer = reference.mean_of(&fit.model, &fewer, EVENT_PAIRS.min(fit.each.len()), Vec::new())?;
-        let change: Vec<DVector<f64>> = fewer.each.iter().zip(&fit.each).map(|(a, b)| b - a).collect();
+        let change = differences(&fit.each, &fewer.each);
         let change = shrink(2.0 * average(&change), &reference.spread, change.len());
         for k in scenes {
             let expected = probability * reference.setup.recordings[k].readouts as f64;
@@ -68,7 +68,7 @@ pub(crate) fn unlocated_event_columns(reference: &NullModel, fit: &Fit) -> Resul
         }
     }
     columns.retain(|c| c.amax() > 0.0);
-    Ok(if columns.is_empty() { DMatrix::zeros(fit.mean.len(), 0) } else { DMatrix::from_columns(&columns) })
+    Ok(matrix(&columns, fit.mean.len()))
 }
 
 /// Returns the metric of the null model in which any number of events is no misfit.

@@ -1,14 +1,14 @@
-//! What a fitted number may truly be.
+//! The 95 % interval of a fitted parameter.
 
 use crate::thresholds::{CALIBRATION_INFORMATION, INTERVAL_QUANTILE, MIN_VARIANCE_SHARE};
 use spikelane::effects::definition::SearchScale;
 
-/// Ends of the 95 % interval of a number that was found at `u` and misses its truth by `deviation`, of which `additive` is there at
-/// any truth.
+/// Returns the ends of the 95 % interval of a parameter that was found at `u`. Its standard deviation is `deviation`.
+/// The part `additive` of it does not depend on the true value.
 ///
-/// A variance's noise is in part a share of it, as the variance of 48 columns is known to a fifth: what was found small may be a
-/// larger one that fell short. Its interval holds every variance from which `u` is [`INTERVAL_QUANTILE`] of *that* variance's deviations away at
-/// most (Fieller).
+/// The noise of a variance is partly proportional to it: the variance of 48 columns has a relative standard deviation
+/// of a fifth. A small estimate may therefore come from a larger variance. The interval contains every variance from
+/// which `u` deviates by at most [`INTERVAL_QUANTILE`] standard deviations of *that* variance (Fieller).
 pub(crate) fn interval(scale: SearchScale, u: f64, deviation: f64, additive: f64) -> [f64; 2] {
     if scale != SearchScale::Square || u <= 0.0 {
         return [u - INTERVAL_QUANTILE * deviation, u + INTERVAL_QUANTILE * deviation];
@@ -21,7 +21,7 @@ pub(crate) fn interval(scale: SearchScale, u: f64, deviation: f64, additive: f64
     [beyond / (u + root(1.0 - share)), (u + root(kept)) / kept]
 }
 
-/// The deviation of a number of the base model by the data alone, of one by the data and what was known of it.
+/// Returns the standard deviation of a base parameter from the data alone. `deviation` includes the prior.
 pub(crate) fn of_data(deviation: f64) -> f64 {
     (deviation.powi(-2) - CALIBRATION_INFORMATION).max(1e-6).powf(-0.5)
 }

@@ -1,26 +1,25 @@
-//! How likely a fitted model makes data, by the noise that it has itself.
+//! The likelihood of data under a fitted model with its own noise.
 
 use crate::light::offsets::columns;
-use crate::null_model::mean::average;
 use crate::null_model::metric::{Metric, Noise};
 use crate::null_model::model::NullModel;
+use crate::null_model::vectors::average;
 use crate::thresholds::{MIN_WIDER_VARIANCE, PRIOR_SIMULATIONS};
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 
-/// The noise of a fitted model. Rare events and strong noise make sets differ that the null would
-/// call far apart; a model is judged by how likely *it* makes the data.
+/// The noise of a fitted model. Rare events and strong noise make sets differ by more than the noise of the null model.
 #[derive(Clone, Debug)]
 pub(crate) struct Likelihood {
     pub metric: Metric,
-    /// The noise of sensors at known light, with that of numbers of events.
+    /// Noise of sensors at known light, including the noise of the numbers of events.
     pub noise_without_lamps: Noise,
-    /// Logarithm of the noise's determinant over the null's.
+    /// Logarithm of the determinant of the noise, relative to the null model.
     pub log_volume: f64,
 }
 
 impl Likelihood {
-    /// That of a model of which these are simulations; `events` are what numbers of events move.
+    /// Returns the likelihood of a model with these simulations. `events` are the changes by the numbers of events.
     pub(crate) fn of(
         reference: &NullModel,
         simulations: &[DVector<f64>],
@@ -40,7 +39,7 @@ impl Likelihood {
         Ok(Self { metric, noise_without_lamps, log_volume })
     }
 
-    /// That of the base model.
+    /// Returns the likelihood of the base model.
     pub(crate) fn of_null(reference: &NullModel) -> Self {
         Self {
             metric: reference.metric.clone(),
@@ -49,13 +48,14 @@ impl Likelihood {
         }
     }
 
-    /// Twice the negative logarithm of the likelihood, less a constant.
+    /// Returns twice the negative logarithm of the likelihood, up to a constant.
     pub(crate) fn deviance(&self, residual: &DVector<f64>) -> f64 {
         self.metric.square(residual) + self.log_volume
     }
 }
 
-/// The noise of simulations of a fitted model about `mean`, at known light; `None` where it is the null's.
+/// Returns the noise of simulations of a fitted model about `mean`, at known light. Returns `None` if it is that of the
+/// null model.
 pub(super) fn own_noise(
     reference: &NullModel,
     events: &DMatrix<f64>,
@@ -71,12 +71,12 @@ pub(super) fn own_noise(
     reference.noise_without_lamps.scaled(&factors)?.with_columns(events).map(Some)
 }
 
-/// The noise of sensors at known light, with that of the lamps.
+/// Adds the noise of the lamps to a noise at known light.
 pub(super) fn with_lamps(reference: &NullModel, noise: &Noise) -> Result<Noise> {
     noise.with_columns(&columns(&reference.lamp_slopes, &reference.model))
 }
 
-/// By how much every statistic's deviation exceeds the null's, one where it hardly does.
+/// Returns the standard deviation of each statistic, relative to the null model, or 1 if it hardly differs.
 fn factors(reference: &NullModel, residuals: &[DVector<f64>], freedom: f64) -> Vec<f64> {
     let factor = |j: usize| {
         let own = residuals.iter().map(|s| s[j].powi(2)).sum::<f64>();
@@ -87,7 +87,8 @@ fn factors(reference: &NullModel, residuals: &[DVector<f64>], freedom: f64) -> V
     (0..reference.spread.len()).map(factor).collect()
 }
 
-/// `residual` without what the numbers of events explain of it. Columns do not overlap: each is fitted by itself.
+/// Returns `residual` without the part that the numbers of events explain. The columns do not overlap, so each is
+/// fitted alone.
 fn without_events(noise: &Noise, residual: DVector<f64>, columns: &DMatrix<f64>) -> DVector<f64> {
     let weight = |i: usize| noise.covariance[(i, i)].recip();
     columns.column_iter().fold(residual, |residual, c| {

@@ -1,4 +1,4 @@
-//! Gauss-Newton over simulated means, in a region of trust.
+//! Gauss-Newton fit with simulated means, in a trust region.
 
 use crate::fits::fit::Fit;
 use crate::fits::fitter::Fitter;
@@ -10,12 +10,12 @@ use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 
 impl Fitter<'_> {
-    /// Gauss-Newton from where `fit` stands, `rounds` at most, each mean from `count` simulations.
+    /// Refines `fit` by at most `rounds` Gauss-Newton steps. Each mean has `count` simulations.
     pub(crate) fn refine(&self, mut fit: Fit, rounds: usize, count: usize) -> Result<Fit> {
         self.evaluate(&mut fit, count)?;
         let mut merit = Merit::of(self, &fit)?.here();
         for round in 0..rounds {
-            // Common draws: a difference needs fewer simulations than a mean.
+            // A difference with common draws requires fewer simulations than a mean.
             self.derive(&mut fit, count.div_ceil(2), Secant::Ahead)?;
             let Some((next, lower)) = self.line_search(&fit, merit, count)? else { break };
             let gained = merit - lower;
@@ -27,9 +27,10 @@ impl Fitter<'_> {
         Ok(fit)
     }
 
-    /// The first of these steps that helps: the whole one, that of the effects alone (first where one sets in), or a part of the whole one. Where the base
-    /// model's numbers stay, draws are alike to those of all of its simulations, and the mean has less noise than a small
-    /// move of theirs gains.
+    /// Returns the first step that reduces the merit: the whole step, the step of the effects alone, or a part of the
+    /// whole step. If an effect has an onset, the step of the effects alone is first. With fixed base parameters, the
+    /// draws agree with those of the base model, and the mean has less noise than a small move of the base parameters
+    /// gains.
     fn line_search(&self, fit: &Fit, merit: f64, count: usize) -> Result<Option<(Fit, f64)>> {
         let off = &self.data - &fit.mean;
         let here = Merit::of(self, fit)?;
@@ -49,8 +50,8 @@ impl Fitter<'_> {
                 || step.rows(0, fit.base_knobs()).amax() > MIN_BASE_MOVE
         };
         let mut steps = [whole.clone(), wanted(fit.bounds_of_effects()), (whole.0 * 0.4, whole.1)];
-        // What the slope of an effect that sets in leaves far from the data, the base model's numbers would take in, as far as they may
-        // move. A clamp at 1.257 thresholds was left at 1.249 so, at 70 times the cost, and a partial reset was named.
+        // Base parameters would take over what the wrong slope of an effect with an onset leaves. Measured: a clamp at
+        // 1.257 thresholds was left at 1.249, at 70 times the cost, and a partial reset was named.
         if fit.sets_in() {
             steps.swap(0, 1);
         }
@@ -70,14 +71,15 @@ impl Fitter<'_> {
     }
 }
 
-/// What the steps of a fit lower: the squared distance from the data at the light that is simulated, and the price of that
-/// light.
+/// The merit that the steps of a fit reduce: the squared distance from the data at the simulated light, plus the cost
+/// of that light.
 ///
-/// A likelihood with all lamps integrated out uses derivatives far from the simulated light, where they do not hold: the rates
-/// then cost nothing, and the fit loses its way. Here the lamps are integrated out over a thousandth about the simulated light.
+/// A likelihood with all lamps integrated out uses derivatives far from the simulated light, where they do not hold.
+/// The rates then cost nothing, and the fit diverges. The merit integrates the lamps over a thousandth around the
+/// simulated light.
 struct Merit<'a> {
     metric: Metric,
-    /// What the mean leaves of the data at the simulated light.
+    /// Deviation of the data from the mean at the simulated light.
     off: DVector<f64>,
     slopes: &'a DMatrix<f64>,
     lamps: &'a [Lamp],
@@ -107,7 +109,7 @@ impl<'a> Merit<'a> {
         self.metric.square(&self.off) + price + self.log_volume
     }
 
-    /// The merit that is expected after a step that changes the mean by `change` and moves the lamps to `deviations`.
+    /// Returns the expected merit after a step that changes the mean by `change` and moves the lamps to `deviations`.
     fn after(&self, change: DVector<f64>, deviations: &[f64]) -> f64 {
         let moved = self.lamps.iter().zip(deviations);
         let price: f64 = moved.clone().map(|(lamp, e)| lamp.pull(*e).powi(2)).sum();

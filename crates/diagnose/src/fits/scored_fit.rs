@@ -1,42 +1,43 @@
-//! What the draws of a model's simulations add to its cost.
+//! The bias of the cost by the noise of the simulations.
 //!
-//! The mean of `n` simulations errs, and its squared error adds to the squared distance from the data. Where the draws of a
-//! model are like the base model's, the base model as control takes nearly all of that away. Where a spike moves the spikes
-//! of its neighbors they are not: weak `spike_coupling` that was hidden cost 227, 187 and 167 with 2, 6 and any number of simulations, where
-//! `crosstalk` cost 155 with each, and was named instead.
+//! The mean of `n` simulations has an error, whose square adds to the squared distance from the data. If the draws of a
+//! model resemble those of the base model, the base model as a control variate removes nearly all of it. If a spike
+//! changes the spikes of its neighbors, they do not. Measured: a hidden weak `spike_coupling` cost 227, 187 and 167
+//! with 2, 6 and any number of simulations. `crosstalk` cost 155 with each and was named instead.
 
 use crate::fits::fit::Fit;
 use crate::fits::fitter::Fitter;
-use crate::null_model::mean::average;
 use crate::null_model::metric::Metric;
+use crate::null_model::vectors::{average, differences};
 use nalgebra::DVector;
 use spikelane::error::Result;
 
-/// A fit and what it costs, less what its draws add.
+/// A fit with its cost and score, corrected for the bias.
 #[derive(Clone, Debug)]
 pub(crate) struct ScoredFit {
     pub fit: Fit,
     pub price: f64,
-    /// What the draws added: the expected squared length of the mean's error.
+    /// Bias: the expected squared length of the error of the mean.
     share: f64,
-    /// Deviation of the price by the draws: twice that of the product of what is off and the mean's error.
+    /// Standard deviation of the score by the draws: twice that of the product of the deviation and the error of the
+    /// mean.
     pub deviation: f64,
 }
 
 impl ScoredFit {
-    /// The fit's cost, less what its draws add.
+    /// Returns the corrected cost of the fit.
     pub(crate) fn cost(&self) -> f64 {
         self.fit.cost - self.share
     }
 
-    /// By how many deviations of the null a set tells it from another fitted model.
+    /// Returns the distance from another fitted model in standard deviations of the null model.
     pub(crate) fn apart(&self, other: &Self, null: &Metric) -> f64 {
         (null.square(&(&self.fit.mean - &other.fit.mean)) - self.share - other.share).max(0.0).sqrt()
     }
 }
 
 impl Fitter<'_> {
-    /// `fit`, which has been compared with the data, with its price.
+    /// Scores a fit that was compared with the data.
     pub(crate) fn priced(&self, fit: Fit) -> ScoredFit {
         let errors = errors(&fit.each, &self.reference.baseline);
         let share = errors.iter().map(|e| fit.length_of(e)).sum();
@@ -46,20 +47,21 @@ impl Fitter<'_> {
         ScoredFit { price: fit.price() - share, fit, share, deviation }
     }
 
-    /// `fit`, refined, with its price.
+    /// Refines and scores a fit.
     pub(crate) fn refined(&self, fit: Fit, rounds: usize, count: usize) -> Result<ScoredFit> {
         Ok(self.priced(self.refine(fit, rounds, count)?))
     }
 }
 
-/// Vectors whose products with themselves sum to the covariance of the simulations' mean: what each is off it, with the base
-/// model's vectors of the same draws as control for those statistics that this helps, as in the mean itself.
+/// Returns vectors whose outer products sum to the covariance of the mean: the deviations of the simulations from it.
+/// Statistics for which it helps have the vectors of the base model with the same draws as a control variate, as in the
+/// mean itself.
 fn errors(each: &[DVector<f64>], baseline: &[DVector<f64>]) -> Vec<DVector<f64>> {
     if each.len() < 2 {
         return Vec::new();
     }
-    let change: Vec<DVector<f64>> = each.iter().zip(baseline).map(|(s, b)| s - b).collect();
-    // A simulation's variance is the sum of squares over n - 1, that of the mean an nth of it.
+    let change = differences(each, baseline);
+    // The variance of a simulation is the sum of squares divided by n - 1. The variance of the mean is an n-th of it.
     let scale = 1.0 / ((each.len() * (each.len() - 1)) as f64).sqrt();
     let about = |rows: &[DVector<f64>]| -> Vec<DVector<f64>> {
         let mean = average(rows);

@@ -1,4 +1,4 @@
-//! A fitted model judged by its own simulations.
+//! Comparison of a fitted model with its own simulations.
 
 use crate::fits::fit::{Fit, trust};
 use crate::fits::fitter::{Fitter, metric_allowing_events};
@@ -9,36 +9,35 @@ use crate::null_model::limits::{ALARM, Limits, center, gamma_limit, strays_by};
 use crate::null_model::metric::Metric;
 use crate::null_model::model::NullModel;
 use crate::null_model::signature::Signature;
+use crate::null_model::vectors::{mean_squares, normal_vectors};
 use crate::sensors::simulate;
 use crate::thresholds::{
     CALIBRATION_INFORMATION, MAX_REFITS, MEAN_SIMULATIONS, REDRAWN_SIMULATIONS, SOME_SIMULATIONS,
 };
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
-use spikelane::unstable::draws::pattern_rng::PatternRng;
-use spikelane::unstable::draws::{RandomStream, Seeds};
 use spikelane::unstable::threads;
 
-/// What simulations of the fitted model itself look like.
+/// Noise, limits and errors from simulations of the fitted model.
 #[derive(Clone)]
 pub(crate) struct SelfConsistency {
     pub metric: Metric,
-    /// Limit and median of the total misfit in the first round's metric.
+    /// Median and standard deviation of the total misfit in the metric of the null model.
     pub floor: f64,
     pub floor_sd: f64,
-    /// Median of the misfit with any number of events allowed.
+    /// Median of the misfit if any number of events is allowed.
     pub allowed_floor: f64,
-    /// What sensors of this model keep within.
+    /// Limits of sensors of this model.
     pub limits: Limits,
     pub mean: DVector<f64>,
-    /// By how much the fit of such a simulation misses each of its numbers.
+    /// Standard deviation of each parameter.
     pub deviations: Vec<f64>,
-    /// The part of that which does not grow with what is fitted: the null's noise.
+    /// The part of `deviations` that does not depend on the fitted value: the noise of the null model.
     pub additive: Vec<f64>,
 }
 
 impl SelfConsistency {
-    /// What sensors of the base model show.
+    /// Returns the values of the base model.
     pub(crate) fn of_base(reference: &NullModel) -> Self {
         let known = vec![CALIBRATION_INFORMATION; reference.model.knobs.len()];
         let deviations = roots(&reference.metric.clone().knowing(&known).covariance());
@@ -55,16 +54,16 @@ impl SelfConsistency {
     }
 }
 
-/// A simulation and how far its numbers lie from the fitted ones.
+/// A simulation with redrawn parameters.
 struct Redrawn {
     moved: DVector<f64>,
     vector: DVector<f64>,
-    /// What the deviations of its lamps add to the vector.
+    /// Change of the vector by the deviations of the lamps.
     by_lamps: DVector<f64>,
 }
 
 impl Fitter<'_> {
-    /// The fitted model judged by itself: its numbers redrawn from their posterior.
+    /// Compares the fitted model with simulations whose parameters are drawn from their posterior.
     pub(crate) fn self_consistency(&self, fit: &mut Fit) -> Result<SelfConsistency> {
         let reference = self.reference;
         self.evaluate(fit, MEAN_SIMULATIONS)?;
@@ -90,7 +89,7 @@ impl Fitter<'_> {
             floor,
             floor_sd,
             allowed_floor: center(&allowed).0,
-            // The mean itself is known to a part of the noise only.
+            // The mean has noise, so the limits are widened.
             limits: Limits {
                 misfit: (1.1 * gamma_limit(&strays.iter().map(|s| s[0]).collect::<Vec<_>>(), ALARM))
                     .max(reference.clean.limits.misfit),
@@ -106,8 +105,8 @@ impl Fitter<'_> {
         })
     }
 
-    /// Numbers that the set hardly tells are redrawn as far as a linear step is trusted: beyond, the errors of the linear fit are
-    /// not those of the fit.
+    /// Simulates the model with redrawn parameters. Parameters that the set hardly determines are redrawn within the
+    /// trust region, because beyond it the errors of the linear fit are not those of the fit.
     fn redrawn(&self, fit: &Fit, known: &[f64]) -> Result<Vec<Redrawn>> {
         let reference = self.reference;
         let lamps = &fit.model.lamps;
@@ -116,10 +115,7 @@ impl Fitter<'_> {
         let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
         let one = |i: usize| -> Result<Redrawn> {
             let seed = reference.seed + 50_000 + i as u64;
-            let mut normals =
-                PatternRng::new(Seeds { camera: seed, shot: 0, sequence: 0 }, RandomStream::from_name("own"))
-                    .normals();
-            let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
+            let mut draw = normal_vectors(seed, "own");
             let wanted = &root * draw(n);
             let off = LampDraw::new(lamps, &draw(lamps.len()));
             let place = |j: usize| {
@@ -127,17 +123,17 @@ impl Fitter<'_> {
                 knob.clamped(fit.u[j] + wanted[j].clamp(-most, most))
             };
             let u: Vec<f64> = (0..n).map(place).collect();
-            let sample = fit.model.sample(&u, off.simulated.as_slice(), reference.setup.recordings.len())?;
+            let sample = fit.model.sample(&u, off.simulated.as_slice())?;
             let moved = DVector::from_fn(n, |j, _| u[j] - fit.u[j]);
-            let simulated = DVector::from_vec(simulate::values(&reference.setup, &sample, seed)?);
-            let vector =
-                simulated + &reference.lamp_slopes * off.remainder() - reference.lamp_shift(&fit.model);
+            let vector = simulate::values(&reference.setup, &sample, seed)?
+                + &reference.lamp_slopes * off.remainder()
+                - reference.lamp_shift(&fit.model);
             Ok(Redrawn { moved, vector, by_lamps: &reference.lamp_slopes * &off.whole })
         };
         threads::try_map(0..REDRAWN_SIMULATIONS, one)
     }
 
-    /// The fitted model judged by itself, again as long as its own noise asks for other numbers.
+    /// Compares the fitted model with itself, and refits it as long as its own noise requests other parameters.
     pub(crate) fn converged(&self, fit: &mut Fit) -> Result<SelfConsistency> {
         let mut own = self.self_consistency(fit)?;
         for _ in 0..MAX_REFITS {
@@ -158,20 +154,19 @@ impl Fitter<'_> {
     }
 }
 
-/// A parametric bootstrap of the last linear fit: each redrawn sensor is fitted as the data are, and
-/// its own numbers are known. It holds what variances alone cannot: noise that moves many statistics
-/// at once, such as the number of hot pixels that a sensor happens to have.
+/// Returns the standard deviation of each parameter by a parametric bootstrap of the last linear fit. Each redrawn
+/// sensor is fitted as the data are, and its parameters are known. The result includes noise that changes many
+/// statistics together, such as the random number of hot pixels of a sensor, which variances alone do not include.
 fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64> {
     let errors: Vec<DVector<f64>> =
         redrawn.iter().map(|r| metric.fit(&(&r.vector - mean)) - &r.moved).collect();
-    let linear = metric.covariance();
-    let n = errors.len() as f64;
-    let of_knob = |j: usize| {
-        let square = errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / n;
-        // The model's mean has noise of its own.
-        (square * (1.0 + 1.0 / MEAN_SIMULATIONS as f64)).max(linear[(j, j)]).sqrt()
-    };
-    (0..linear.nrows()).map(of_knob).collect()
+    // The mean of the model also has noise.
+    let squares = mean_squares(&errors) * (1.0 + 1.0 / MEAN_SIMULATIONS as f64);
+    squares
+        .iter()
+        .zip(metric.covariance().diagonal().iter())
+        .map(|(s, linear)| s.max(*linear).sqrt())
+        .collect()
 }
 
 pub(crate) fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {

@@ -1,10 +1,10 @@
-//! What a fitted effect's numbers move.
+//! Derivatives of the statistics by the parameters of fitted effects.
 
 use crate::fits::fit::{DerivativeOrigin, Fit};
 use crate::fits::fitter::Fitter;
 use crate::null_model::derivatives::step as base_step;
-use crate::null_model::mean::{average, shrink};
 use crate::null_model::model::NullModel;
+use crate::null_model::vectors::{average, differences, matrix, shrink};
 use crate::sensors::model::find_base_knob;
 use crate::thresholds::{
     MAX_SLOPE_MOVE, MIN_CHANGE_SIMULATIONS, MIN_CROWDED_STATISTICS, MIN_EFFECT_CHANGE_SDS,
@@ -14,17 +14,17 @@ use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// Between which positions a derivative is taken.
+/// The positions of a difference quotient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Secant {
-    /// From where the fit stands: half the simulations. Where an effect sets in late its slope is too steep by then, and steps
-    /// back are short.
+    /// From the fitted position in one direction, with half of the simulations. If an effect has an onset, the slope is
+    /// too steep, and steps back are short.
     Ahead,
-    /// To both sides.
+    /// To both sides of the fitted position.
     Around,
 }
 
-/// Ends of a secant of length `h`.
+/// Returns the ends of a secant of length `h`.
 fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
     match secant {
         Secant::Ahead => [u, u + h],
@@ -32,7 +32,7 @@ fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
     }
 }
 
-/// A step by which a knob's derivative is taken.
+/// Returns the step of the derivative by a knob.
 fn step(scale: SearchScale, u: f64) -> f64 {
     match scale {
         SearchScale::Log | SearchScale::LogComplement => 0.35,
@@ -40,14 +40,14 @@ fn step(scale: SearchScale, u: f64) -> f64 {
     }
 }
 
-/// Whether the effects' numbers are where derivatives were taken.
+/// Returns whether the parameters of the effects are near the positions of the derivatives.
 fn near(fit: &Fit) -> bool {
     let moved = |j: usize| (fit.u[j] - fit.taken.at[j]).abs() / step(fit.model.knobs[j].scale, fit.u[j]);
     fit.taken.at.len() == fit.u.len() && (fit.base_knobs()..fit.u.len()).all(|j| moved(j) <= MAX_SLOPE_MOVE)
 }
 
 impl Fitter<'_> {
-    /// Derivatives by the effects' knobs, with the draws of the fit's own simulations.
+    /// Computes the derivatives by the knobs of the effects, with the draws of the simulations of the fit.
     pub(crate) fn derive(&self, fit: &mut Fit, count: usize, secant: Secant) -> Result<()> {
         let count = count.min(fit.each.len());
         let around = secant == Secant::Around;
@@ -64,7 +64,7 @@ impl Fitter<'_> {
                 (low, high) = (knob.clamped(high - h), high);
             }
             if low == high || fit.count(j).is_some() {
-                // Held by its range, or counted.
+                // The parameter is fixed by its range or by counted events.
                 return Ok(DVector::zeros(fit.mean.len()));
             }
             let at = |end: f64| -> Result<Vec<DVector<f64>>> {
@@ -76,25 +76,22 @@ impl Fitter<'_> {
                 Ok(self.reference.mean_of(&fit.model, &u, count, Vec::new())?.each)
             };
             let (from, to) = (at(low)?, at(high)?);
-            let change: Vec<_> = to.iter().zip(&from).map(|(a, b)| a - b).collect();
-            let mut plain = shrink(average(&change), &self.reference.spread, count);
+            let change = average(&differences(&to, &from));
+            let mut plain = shrink(change, &self.reference.spread, count);
             unmoved[effect].iter().for_each(|i| plain[*i] = 0.0);
             Ok(plain / (high - low))
         };
         let knobs: Vec<(usize, usize)> =
             (0..fit.effects.len()).flat_map(|e| fit.knobs_of(e).map(move |j| (e, j))).collect();
         let columns = threads::try_map(knobs, column)?;
-        fit.jacobian = if columns.is_empty() {
-            DMatrix::zeros(fit.mean.len(), 0)
-        } else {
-            DMatrix::from_columns(&columns)
-        };
+        fit.jacobian = matrix(&columns, fit.mean.len());
         fit.crossed = coupled_base_jacobian(self.reference, fit, count)?;
         fit.taken = DerivativeOrigin { at: fit.u.clone(), count, around, ..std::mem::take(&mut fit.taken) };
         Ok(())
     }
 
-    /// Kept while the effects are the same, until twice as many simulations can tell more.
+    /// Finds the statistics that each effect hardly changes. The result is reused while the effects are the same, until
+    /// twice as many simulations exist.
     fn tell_unmoved(&self, fit: &mut Fit) -> Result<()> {
         let n = fit.each.len();
         if fit.taken.unmoved.is_empty() || n >= 2 * fit.taken.told_by {
@@ -104,8 +101,9 @@ impl Fitter<'_> {
         Ok(())
     }
 
-    /// Statistics that an effect hardly moves from where they are without it: a derivative there is noise, which a part of a step
-    /// cannot tell but all of it can. What several effects move together says nothing of one, as they may cancel.
+    /// Returns the statistics that an effect hardly changes. A derivative of such a statistic is noise. The difference
+    /// of the whole effect shows this, a small step does not. The effects are examined one by one, because the changes
+    /// of several may cancel.
     fn unmoved(&self, fit: &Fit, effect: usize) -> Result<Vec<usize>> {
         let n = fit.each.len();
         if n < MIN_CHANGE_SIMULATIONS || self.reference.spread.len() < MIN_CROWDED_STATISTICS {
@@ -150,10 +148,9 @@ pub(crate) fn coupled_base_jacobian(
         alone[j] = h;
         let beside = reference.mean_of(&fit.model, &beside, count, Vec::new())?.each;
         let alone = reference.mean_of(&reference.model, &alone, count, Vec::new())?.each;
-        let with = beside.iter().zip(&fit.each).map(|(a, b)| a - b);
-        let without = alone.iter().zip(&reference.baseline).map(|(a, b)| a - b);
-        let change: Vec<DVector<f64>> = with.zip(without).map(|(a, b)| a - b).collect();
-        Ok(plain + shrink(average(&change), &reference.spread, count) / h)
+        let (with, without) = (differences(&beside, &fit.each), differences(&alone, &reference.baseline));
+        let change = average(&differences(&with, &without));
+        Ok(plain + shrink(change, &reference.spread, count) / h)
     };
     let columns = threads::try_map(0..reference.model.knobs.len(), column)?;
     Ok(Some(DMatrix::from_columns(&columns)))

@@ -4,7 +4,7 @@
 //! the point at which sensors are simulated: every fit knows the light as it was stated, with its uncertainty. A common
 //! factor of all rates may therefore stay in the lamps; a fit moves it to the gain.
 
-use crate::null_model::mean::average_of;
+use crate::null_model::vectors::average;
 use crate::recordings::scan::Scan;
 use crate::recordings::setup::Setup;
 use crate::sensors::model::Model;
@@ -14,6 +14,7 @@ use crate::thresholds::{
     LIGHT_SENSORS, MAX_FOUND_PULL, MAX_FOUND_SOURCE_PULL, MAX_LIGHT_STEPS, MAX_UNCHANGED_LIGHT,
     MIN_LIGHT_STEP, MIN_SECANT_STEP,
 };
+use nalgebra::DVector;
 use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
@@ -43,7 +44,7 @@ pub(crate) fn find_light(setup: &mut Setup, scans: &[Scan], camera: &Camera, see
 /// Offsets of the light of all recordings, and the simulated rates there.
 struct Place {
     offsets: Vec<f64>,
-    rates: Vec<f64>,
+    rates: DVector<f64>,
 }
 
 /// Mean rate of the pixels, without the outer twentieths.
@@ -51,18 +52,19 @@ fn rate(scan: &Scan) -> f64 {
     Spread::of(&scan.pixels.iter().map(|p| p.rate).collect::<Vec<_>>()).trimmed
 }
 
-fn simulated_rates(setup: &Setup, camera: &Camera, seed: u64) -> Result<Vec<f64>> {
-    let sample = Model::base(camera.clone(), setup).sample(&[], &[], setup.recordings.len())?;
-    let one = |i: usize| -> Result<Vec<f64>> {
-        Ok(simulate::scans(setup, &sample, seed + i as u64)?.iter().map(rate).collect())
+fn simulated_rates(setup: &Setup, camera: &Camera, seed: u64) -> Result<DVector<f64>> {
+    let sample = Model::base(camera.clone(), setup).sample(&[], &[])?;
+    let one = |i: usize| -> Result<DVector<f64>> {
+        let scans = simulate::scans(setup, &sample, seed + i as u64)?;
+        Ok(DVector::from_iterator(scans.len(), scans.iter().map(rate)))
     };
     let has_sources = setup.recordings.iter().any(|r| !r.sources.sources.is_empty());
-    Ok(average_of(&threads::try_map(0..LIGHT_SENSORS[usize::from(has_sources)], one)?))
+    Ok(average(&threads::try_map(0..LIGHT_SENSORS[usize::from(has_sources)], one)?))
 }
 
 /// One step. Returns the largest change of a light.
 fn step(setup: &mut Setup, measured: &[f64], here: &Place, before: Option<&Place>) -> f64 {
-    let dark = setup.recordings.iter().zip(&here.rates).find(|(r, _)| r.level() == Some(0.0));
+    let dark = setup.recordings.iter().zip(here.rates.iter()).find(|(r, _)| r.level() == Some(0.0));
     let dark = dark.map_or(0.0, |(_, rate)| *rate);
     let mut largest = 0.0_f64;
     for (k, recording) in setup.recordings.iter_mut().enumerate() {
@@ -125,7 +127,7 @@ mod tests {
         let truth = [0.0, 0.012, -0.009, 0.004, -0.015, 0.011, 0.002, -0.006];
         let mut real = setup.clone();
         real.recordings.iter_mut().zip(truth).for_each(|(r, e)| r.light_offset = e);
-        let sample = Model::base(camera.clone(), &real).sample(&[], &[], lights.len()).unwrap();
+        let sample = Model::base(camera.clone(), &real).sample(&[], &[]).unwrap();
         let scans = simulate::scans(&real, &sample, 77).unwrap();
         assert!(find_light(&mut setup, &scans, &camera, 5).unwrap());
         let found: Vec<f64> = setup.recordings.iter().map(|r| r.light_offset).collect();

@@ -7,35 +7,21 @@
 use std::sync::atomic::AtomicUsize;
 
 use crate::null_model::derivatives::{Changes, changes, pairs, slopes_of_lamps, with_lamps};
-use crate::null_model::mean::average;
 use crate::null_model::progress::{Stage, count, watched};
 use crate::null_model::signature::{changed_by, is_mirrored};
+use crate::null_model::vectors::{average, spread};
 use crate::recordings::setup::Setup;
 use crate::sensors::catalog::{Candidate, candidates, searched_effects};
 use crate::sensors::deadline::SimulationContext;
 use crate::sensors::model::Model;
 use crate::sensors::simulate;
 use crate::statistics::vector::DiagnosticStatistic;
+use crate::thresholds::{FIRST_LAMP_DRAWS, FIRST_SENSORS, FIRST_SIGNATURE_DRAWS, SENSORS};
 use nalgebra::{DMatrix, DVector};
 use spikelane::effects::{Camera, Catalog, Definition};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::ProgressCallback;
-
-/// Sensors at the base model's own numbers.
-pub(super) const SENSORS: usize = 80;
-
-/// Simulations of the first step.
-///
-/// Sensors: noise from 24 sensors judges a clean set as noise from 200 does. It finds an effect of eight standard
-/// deviations at 7.9 (median of all candidates of the recommended protocol).
-/// Lamps: the derivative by a lamp is a direction that costs nothing, so its noise removes one random direction of 250.
-const FIRST_SENSORS: usize = 24;
-const FIRST_LAMP_DRAWS: usize = 4;
-
-/// Simulations of a signature: two show how much of it is noise. The first step makes one.
-pub(crate) const SIGNATURE_DRAWS: usize = 2;
-pub(crate) const FIRST_SIGNATURE_DRAWS: usize = 1;
 
 /// Simulations of a derivative in the first step. A base number differs from its calibrated value by one or two of its
 /// standard deviations. The noise of the derivative is multiplied by that only.
@@ -43,7 +29,7 @@ fn first_pairs(setup: &Setup) -> usize {
     pairs(setup).div_ceil(6)
 }
 
-/// A camera, and simulations of it that exist already.
+/// A camera, and its existing simulations.
 #[derive(Clone, Debug)]
 pub(crate) struct StartingCamera {
     pub camera: Camera,
@@ -69,13 +55,13 @@ pub(crate) struct Baseline {
     pub statistics: Vec<DiagnosticStatistic>,
     /// Smallest relevant deviation of each statistic.
     pub floors: Vec<f64>,
-    /// Vectors of sensors with the model's own numbers.
+    /// Vectors of sensors with the parameters of the model.
     pub vectors: Vec<DVector<f64>>,
-    /// What each candidate changes in the first vectors.
+    /// Changes of the first vectors by each candidate.
     pub signatures: Vec<(Candidate, Vec<DVector<f64>>)>,
     /// Effects that the set cannot show at any strength.
     pub missing: Vec<&'static Definition>,
-    /// Vectors that existed before.
+    /// Vectors of an earlier fit.
     existing: Vec<DVector<f64>>,
     changes: Changes,
     /// Changes per unit of each lamp's deviation in the first vectors.
@@ -101,7 +87,7 @@ impl Baseline {
         let StartingCamera { camera, vectors: existing, changes, context } = start;
         let model = Model::base(camera, &setup).with_context(&context);
         let (candidates, missing) = candidates_of(&setup, &model, effects);
-        let sample = model.sample(&[], &[], setup.recordings.len())?;
+        let sample = model.sample(&[], &[])?;
         let statistics = simulate::statistics(&setup, &sample, seed)?;
         let floors = statistics.iter().map(|s| s.floor).collect();
         let signatures: Vec<_> = candidates.into_iter().map(|c| (c, Vec::new())).collect();
@@ -158,12 +144,12 @@ impl Baseline {
             }
             lamp_changes.push(drawn.lamps);
         }
-        let sample = model.sample(&[], &[], setup.recordings.len())?;
+        let sample = model.sample(&[], &[])?;
         let vector = |i: usize| -> Result<DVector<f64>> {
             count(done);
             match existing.get(i) {
                 Some(vector) => Ok(vector.clone()),
-                None => Ok(DVector::from_vec(simulate::values(setup, &sample, seed + i as u64)?)),
+                None => simulate::values(setup, &sample, seed + i as u64),
             }
         };
         let more = threads::try_map(vectors.len()..sensors, vector)?;
@@ -193,25 +179,23 @@ impl Baseline {
         average(&self.vectors)
     }
 
-    /// The standard deviation of each statistic.
+    /// Returns the standard deviation of each statistic.
     pub(super) fn spread(&self) -> Vec<f64> {
-        let mean = self.mean();
-        let square = |j: usize| self.vectors.iter().map(|b| (b[j] - mean[j]).powi(2)).sum::<f64>();
-        (0..mean.len()).map(|j| (square(j) / (self.vectors.len() - 1) as f64).sqrt()).collect()
+        spread(&self.vectors)
     }
 
-    /// Changes per unit of each base number.
+    /// Returns the changes per unit of each base parameter.
     pub(super) fn jacobian(&self) -> DMatrix<f64> {
         self.changes.jacobian(&self.model, &self.spread())
     }
 
-    /// Changes per unit of each lamp's deviation.
+    /// Returns the changes per unit of the deviation of each lamp.
     pub(super) fn lamp_slopes(&self) -> DMatrix<f64> {
         slopes_of_lamps(&self.lamp_changes, &self.model, self.statistics.len())
     }
 }
 
-/// The candidates for a set, and the effects that it cannot show at any strength.
+/// Returns the candidates for a set, and the effects that it cannot show at any strength.
 fn candidates_of(
     setup: &Setup,
     model: &Model,

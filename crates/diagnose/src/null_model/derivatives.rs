@@ -1,12 +1,12 @@
-//! What the base model's numbers and the lamps move.
+//! Derivatives of the statistics by the base parameters and by the lamps.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 
 use crate::light::lamp::Lamp;
-use crate::null_model::mean::{average, shrink};
 use crate::null_model::progress::count;
+use crate::null_model::vectors::{average, matrix, shrink};
 use crate::recordings::scan::Scan;
 use crate::recordings::setup::Setup;
 use crate::sensors::model::{Knob, Model, find_base_knob};
@@ -25,37 +25,36 @@ pub(crate) fn pairs(setup: &Setup) -> usize {
     (USUAL_PIXELS.1 * USUAL_PIXELS.0 / pixels.max(1)).clamp(USUAL_PIXELS.1, MAX_DERIVATIVE_PAIRS)
 }
 
-/// Step for the derivative by a base number, relative to its value.
+/// Returns the step of the derivative by a base parameter, relative to its value.
 pub(crate) fn step(knob: &Knob) -> f64 {
     find_base_knob(knob).map_or(0.2, |number| number.step)
 }
 
-/// The base model with the draws of one seed: its vector, and the change of the vector per unit of the light of each lit
+/// A simulation of the base model: its vector, and the change of the vector per unit of the light of each lit
 /// recording.
 pub(crate) struct SimulatedVectors {
     pub vector: DVector<f64>,
     pub lamps: Vec<DVector<f64>>,
 }
 
-/// The lit recordings, in ascending order.
+/// Returns the lit recordings in ascending order.
 pub(crate) fn lit(model: &Model) -> Vec<usize> {
     let all = model.lamps.iter().flat_map(|lamp| lamp.shares.iter().map(|(k, _)| *k));
     all.collect::<BTreeSet<usize>>().into_iter().collect()
 }
 
-/// For each change of light only one recording is simulated again, and none where all vectors were kept.
+/// Simulates the vector and its changes by the light. For each change, only one recording is simulated again, and none
+/// if all vectors are cached.
 pub(crate) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<SimulatedVectors> {
-    let still = model.sample(&[], &[], setup.recordings.len())?;
+    let still = model.sample(&[], &[])?;
     if model.lamps.is_empty() {
-        let vector = DVector::from_vec(simulate::values(setup, &still, seed)?);
-        return Ok(SimulatedVectors { vector, lamps: Vec::new() });
+        return Ok(SimulatedVectors { vector: simulate::values(setup, &still, seed)?, lamps: Vec::new() });
     }
     let mut scanned: Option<Vec<Scan>> = None;
     let plain = simulate::cached_or(setup, &still, seed, || {
         let scans = scanned.insert(simulate::scans(setup, &still, seed)?);
         Ok(statistics_vector(setup, scans).values)
     })?;
-    let plain = DVector::from_vec(plain);
     let mut lamps = Vec::new();
     for k in lit(model) {
         let mut moved = still.clone();
@@ -70,16 +69,14 @@ pub(crate) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Simu
             scans[k] = own;
             Ok(values)
         })?;
-        lamps.push((DVector::from_vec(values) - &plain) / LAMP_STEP);
+        lamps.push((values - &plain) / LAMP_STEP);
     }
     Ok(SimulatedVectors { vector: plain, lamps })
 }
 
-/// Changes per unit of each lamp's deviation; `all` has the changes of each simulation per unit of light of each lit recording.
+/// Returns the changes per unit of the deviation of each lamp. `all` contains, for each simulation, the changes per
+/// unit of the light of each lit recording.
 pub(crate) fn slopes_of_lamps(all: &[Vec<DVector<f64>>], model: &Model, entries: usize) -> DMatrix<f64> {
-    if model.lamps.is_empty() {
-        return DMatrix::zeros(entries, 0);
-    }
     let lit = lit(model);
     let of_recording = |i: usize| average(&all.iter().map(|c| c[i].clone()).collect::<Vec<_>>());
     let of_recordings: Vec<DVector<f64>> = (0..lit.len()).map(of_recording).collect();
@@ -93,10 +90,11 @@ pub(crate) fn slopes_of_lamps(all: &[Vec<DVector<f64>>], model: &Model, entries:
             .reduce(|a, b| a + b)
             .unwrap_or_else(|| DVector::zeros(entries))
     };
-    DMatrix::from_columns(&model.lamps.iter().map(column).collect::<Vec<_>>())
+    matrix(&model.lamps.iter().map(column).collect::<Vec<_>>(), entries)
 }
 
-/// Changes by a step of every base number, for the draws of some seeds of which `baseline` has the vectors.
+/// Returns the changes by a step of each base parameter for the draws `seeds`. `baseline` contains the vectors without
+/// the step.
 pub(crate) fn changes(
     setup: &Setup,
     model: &Model,
@@ -107,11 +105,11 @@ pub(crate) fn changes(
 ) -> Result<Changes> {
     let n = model.knobs.len();
     let one = |j: usize| -> Result<Vec<DVector<f64>>> {
-        let sample = model.sample(&stepped(model, j), &[], setup.recordings.len())?;
+        let sample = model.sample(&stepped(model, j), &[])?;
         let change = |i: usize| -> Result<DVector<f64>> {
             let values = simulate::values(setup, &sample, seed + i as u64)?;
             count(done);
-            Ok(DVector::from_vec(values) - &baseline[i])
+            Ok(values - &baseline[i])
         };
         threads::try_map(seeds.clone(), change)
     };
@@ -124,17 +122,17 @@ fn stepped(model: &Model, j: usize) -> Vec<f64> {
     u
 }
 
-/// What steps of the base numbers change, by the number and the simulation.
+/// Changes by steps of the base parameters, by parameter and simulation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Changes(Vec<Vec<DVector<f64>>>);
 
 impl Changes {
-    /// Simulations of each.
+    /// Returns the number of simulations of each change.
     pub(crate) fn count(&self) -> usize {
         self.0.first().map_or(0, Vec::len)
     }
 
-    /// Adds those of further seeds.
+    /// Adds the changes of further seeds.
     pub(crate) fn extend(&mut self, more: Self) {
         if self.0.is_empty() {
             self.0 = more.0;
@@ -143,13 +141,12 @@ impl Changes {
         self.0.iter_mut().zip(more.0).for_each(|(own, more)| own.extend(more));
     }
 
-    /// Changes per unit of every base knob.
+    /// Returns the changes per unit of each base knob.
     pub(crate) fn jacobian(&self, model: &Model, spread: &[f64]) -> DMatrix<f64> {
         let column = |(j, all): (usize, &Vec<DVector<f64>>)| {
             shrink(average(all), spread, all.len()) / step(&model.knobs[j])
         };
-        let columns: Vec<_> = self.0.iter().enumerate().map(column).collect();
-        if columns.is_empty() { DMatrix::zeros(spread.len(), 0) } else { DMatrix::from_columns(&columns) }
+        matrix(&self.0.iter().enumerate().map(column).collect::<Vec<_>>(), spread.len())
     }
 }
 
@@ -186,9 +183,9 @@ mod tests {
         let lit = lit(&model);
         assert_eq!((lit.as_slice(), drawn.lamps.len()), ([1, 2, 3].as_slice(), 3));
         for (k, change) in lit.iter().zip(&drawn.lamps) {
-            let mut moved = model.sample(&[], &[], 4).unwrap();
+            let mut moved = model.sample(&[], &[]).unwrap();
             moved.lamps[*k] += LAMP_STEP;
-            let values = DVector::from_vec(simulate::values(&setup, &moved, 3).unwrap());
+            let values = simulate::values(&setup, &moved, 3).unwrap();
             assert_eq!(*change, (values - &drawn.vector) / LAMP_STEP);
             assert!(change.amax() > 0.0, "recording {k}");
         }

@@ -1,4 +1,4 @@
-//! How strong an effect must be on a set before it can be named.
+//! The smallest detectable strength of each effect.
 
 use crate::fits::fit::Fit;
 use crate::null_model::model::NullModel;
@@ -38,7 +38,7 @@ impl NullModel {
         self.effects().into_iter().filter_map(|effect| self.detectability_of(effect)).collect()
     }
 
-    /// Effects whose signatures are known, in the order in which they are tried.
+    /// Returns the effects with signatures, in the order in which they are tried.
     pub(crate) fn effects(&self) -> Vec<&'static Definition> {
         let mut effects: Vec<&'static Definition> =
             self.signatures.iter().map(|s| s.candidate.effect).collect();
@@ -46,7 +46,7 @@ impl NullModel {
         effects
     }
 
-    /// Names that this set cannot show.
+    /// Returns the effects that this set cannot show.
     pub(crate) fn not_testable(&self) -> Vec<&'static str> {
         let strongest = |effect: &&'static Definition| {
             let own = self.signatures.iter().filter(|s| s.candidate.effect == *effect);
@@ -57,7 +57,7 @@ impl NullModel {
         weak.chain(self.missing.iter().copied()).map(|effect| effect.name).collect()
     }
 
-    /// The same of one name; nothing where its signature is lost in its own noise.
+    /// Returns the smallest detectable strength of an effect, or `None` if its signature is lost in its own noise.
     pub(crate) fn detectability_of(&self, effect: &'static Definition) -> Option<Detectability> {
         let mut found: Vec<Detectability> = Vec::new();
         for tried in self.signatures.iter().filter(|s| s.candidate.effect == effect) {
@@ -82,14 +82,15 @@ impl NullModel {
         let fewest = self.fewest(effect);
         found.iter_mut().for_each(|f| f.strength = f.strength.max(fewest));
         found.sort_by(|a, b| a.strength.total_cmp(&b.strength));
-        // Noise falls so much with the frequency of a line that the middle one says nothing of the others: the worst one counts.
+        // The noise decreases strongly with the frequency, so the median does not represent the other frequencies. The
+        // largest strength is used.
         let is_line = effect.searched_params().any(|(_, tried)| tried.is_frequency);
         let of_all = if is_line { found.len().saturating_sub(1) } else { found.len() / 2 };
         (!found.is_empty()).then(|| found.swap_remove(of_all))
     }
 
-    /// Effects whose signatures explain at least half of what a change of the base model's numbers moves, the most similar one
-    /// first. Effects of `fit` are not among them.
+    /// Returns the effects whose signatures explain at least half of the change by `change` of the base parameters, the
+    /// most similar first. Effects of `fit` are excluded.
     pub(crate) fn effects_like(&self, change: &DVector<f64>, fit: &Fit) -> Vec<&'static str> {
         let moved = &self.jacobian * change;
         let dual = self.noise.solve_vector(&moved);
@@ -112,7 +113,7 @@ impl NullModel {
         names
     }
 
-    /// What happens to whole readouts or pixels must happen at all.
+    /// Returns the smallest strength at which events of whole readouts or pixels are expected to occur.
     fn fewest(&self, effect: &Definition) -> f64 {
         let readouts: usize = self.setup.recordings.iter().map(|s| s.readouts).sum();
         match effect.event_kind {
@@ -124,8 +125,8 @@ impl NullModel {
         }
     }
 
-    /// The candidate of another name that looks most like `own`, and the cosine between them. Two that
-    /// nothing tells apart are a tie when found, so what is projected out is bounded.
+    /// Returns the most similar effect and the cosine of both signatures. The cosine is bounded, because effects that
+    /// nothing separates are ties if they are found.
     fn nearest(&self, own: &Signature) -> (&'static str, f64) {
         let square = self.square(own);
         let alike = |rival: &Signature| {
@@ -142,7 +143,8 @@ impl NullModel {
         nearest.map_or(("", 0.0), |(a, n)| (n, a.clamp(-MAX_PROJECTED_COSINE, MAX_PROJECTED_COSINE)))
     }
 
-    /// The signature at a strength near the smallest nameable one: few effects are linear over decades.
+    /// Returns the signature at a strength near the smallest detectable one, because few effects are linear over
+    /// decades.
     fn weakened(&self, tried: &Signature) -> Result<Signature> {
         let mut signature = tried.clone();
         for _ in 0..4 {
@@ -161,9 +163,9 @@ impl NullModel {
         Ok(signature)
     }
 
-    /// Position at which a signature has `share` of its length, which is small. A straight line from no effect
-    /// would promise too much of one that sets in late, as a clamp does: three times further it must have done
-    /// at least half of what the line says, or the position is where it does.
+    /// Returns the position at which a signature has the small part `share` of its length. A straight line from zero
+    /// would promise too much of an effect with an onset, such as a clamp. At three times the position, the effect must
+    /// therefore have at least half of the length of the line. Otherwise the result is the position where it does.
     fn onset(&self, weak: &Signature, share: f64) -> Result<f64> {
         let (mut low, mut high) = (3.0 * share, 1.0);
         let promised = self.square(weak) * low * low;
@@ -182,13 +184,13 @@ impl NullModel {
         Ok(weak.candidate.at[0] * high)
     }
 
-    /// The value of an effect's amplitude at which it is absent.
+    /// Returns the amplitude at which an effect is absent.
     pub(crate) fn neutral_of(&self, name: &str) -> Option<f64> {
         let own = self.signatures.iter().find(|s| s.candidate.effect.name == name)?;
         Some(own.candidate.knobs[0].value(0.0))
     }
 
-    /// How alike two effects show at best, as the size of a cosine.
+    /// Returns the largest magnitude of the cosine between signatures of two effects.
     pub(crate) fn cosine_of(&self, name: &str, other: &str) -> f64 {
         let of = |name: &str| -> Vec<&Signature> {
             self.signatures.iter().filter(|s| s.candidate.effect.name == name).collect()

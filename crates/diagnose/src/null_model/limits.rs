@@ -1,4 +1,4 @@
-//! How far clean sensors stray.
+//! Limits of the deviations of clean sensors.
 
 use crate::null_model::metric::{Metric, noise};
 use crate::null_model::posterior_draw::CleanSensor;
@@ -9,7 +9,7 @@ use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::unstable::chi_square_over_freedom;
 
-/// How strict limits are.
+/// The level of limits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LimitLevel {
     /// Probability that a clean sensor exceeds a limit.
@@ -22,7 +22,7 @@ pub(crate) struct LimitLevel {
     has_own_score_sds: bool,
 }
 
-/// Limits beyond which something is missing in the model.
+/// Limits of an alarm: if a value exceeds its limit, the model lacks something.
 pub(crate) const ALARM: LimitLevel =
     LimitLevel { probability: 0.001, normal_quantile: 3.09, margin: MISFIT_MARGIN, has_own_score_sds: false };
 
@@ -41,18 +41,18 @@ pub struct Limits {
     pub score: f64,
 }
 
-/// What clean sensors show.
+/// Limits and noise floor of clean sensors.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Clean {
     pub limits: Limits,
-    /// Median of the total misfit, and its deviation.
+    /// Median and standard deviation of the total misfit.
     pub floor: f64,
     pub floor_sd: f64,
-    /// The standard deviation of each signature's score; empty for one.
+    /// Standard deviation of the score of each signature; empty if all are 1.
     pub(super) score_sds: Vec<f64>,
 }
 
-/// The base model's sensors that the null is made of.
+/// Simulations of the base model.
 pub(crate) struct Base<'a> {
     pub mean: &'a DVector<f64>,
     /// Changes per unit of the base knobs.
@@ -61,7 +61,7 @@ pub(crate) struct Base<'a> {
 }
 
 impl Clean {
-    /// What clean sensors show, each part judged by the noise of the others.
+    /// Computes the limits by cross-validation: the noise of the other sensors judges each part of the sensors.
     pub(crate) fn new(
         sensors: &[CleanSensor],
         residuals: &[DVector<f64>],
@@ -99,8 +99,8 @@ impl Clean {
     }
 }
 
-/// The standard deviation of each signature's score, at least one. Noise from few simulations has few correlations, and
-/// scores by it scatter more than by one.
+/// Returns the standard deviation of the score of each signature, at least 1. Noise from few simulations has few
+/// correlations, and scores by it have larger standard deviations.
 fn score_sds(all: &[Strays]) -> Vec<f64> {
     let sensors = all.len() as f64;
     let square = |k: usize| all.iter().map(|s| s.scores[k].powi(2)).sum::<f64>();
@@ -108,7 +108,7 @@ fn score_sds(all: &[Strays]) -> Vec<f64> {
     (0..all.first().map_or(0, |s| s.scores.len())).map(sd).collect()
 }
 
-/// How far something is from the model.
+/// Deviations of a vector from the model.
 pub(crate) struct Strays {
     /// Total misfit.
     pub misfit: f64,
@@ -119,7 +119,7 @@ pub(crate) struct Strays {
 }
 
 impl Strays {
-    /// Of a vector that is `off` the model's mean.
+    /// Computes the deviations of a vector that differs by `off` from the mean.
     pub(crate) fn new(metric: &Metric, off: &DVector<f64>, signatures: &[&Signature]) -> Self {
         let dual = metric.dual(off);
         Self {
@@ -129,47 +129,47 @@ impl Strays {
         }
     }
 
-    /// The largest score, each divided by its standard deviation; by one where there is none.
+    /// Returns the largest score. Each is divided by its standard deviation, if `sds` contains one.
     fn largest_score(&self, sds: &[f64]) -> f64 {
         let sds = sds.iter().copied().chain(std::iter::repeat(1.0));
         self.scores.iter().zip(sds).map(|(score, sd)| score / sd).fold(0.0, f64::max)
     }
 }
 
-/// Total misfit, largest deviation and largest score of what is `off`.
+/// Returns the total misfit, the largest deviation and the largest score of `off`.
 pub(crate) fn strays_by(metric: &Metric, off: &DVector<f64>, signatures: &[&Signature]) -> [f64; 3] {
     let strays = Strays::new(metric, off, signatures);
     [strays.misfit, strays.deviation, strays.largest_score(&[])]
 }
 
-/// How far something lies along `change`, in deviations; `dual` is its dual in `metric`.
+/// Returns the component along `change` in standard deviations. `dual` is the dual vector in `metric`.
 pub(super) fn score_of(metric: &Metric, change: &DVector<f64>, dual: &DVector<f64>) -> f64 {
     let length = metric.square(change).sqrt();
     if length > 0.0 { (change.dot(dual) / length).abs() } else { 0.0 }
 }
 
-/// Median and standard deviation.
+/// Returns the median and the standard deviation.
 pub(crate) fn center(values: &[f64]) -> (f64, f64) {
-    let median = spikelane_measure::median(&mut values.to_vec());
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    (median, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
+    let (mean, n) = (moments(values).0, values.len() as f64);
+    let square = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
+    (spikelane_measure::median(&mut values.to_vec()), square.sqrt())
 }
 
+/// Returns the mean and the variance.
 fn moments(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0))
 }
 
-/// Upper limit of a gamma distribution with the moments of `values`.
+/// Returns the upper limit of a gamma distribution with the moments of `values`.
 pub(crate) fn gamma_limit(values: &[f64], level: LimitLevel) -> f64 {
     let (mean, variance) = moments(values);
     let freedom = 2.0 * mean * mean / variance.max(1e-12);
     mean * chi_square_over_freedom(freedom, level.normal_quantile)
 }
 
-/// Upper limit of a Gumbel distribution with the moments of `values`.
+/// Returns the upper limit of a Gumbel distribution with the moments of `values`.
 fn gumbel_limit(values: &[f64], level: LimitLevel) -> f64 {
     let (mean, variance) = moments(values);
     let beta = (6.0 * variance).sqrt() / std::f64::consts::PI;

@@ -1,25 +1,23 @@
-//! How far two vectors of statistics are apart, with what calibration fits projected out.
+//! The distance of two vectors of statistics, without the directions that calibration fits.
 
+use crate::null_model::vectors::matrix;
 use crate::thresholds::MIN_CORRELATION_SDS;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use spikelane::error::{Error, ErrorKind, Result};
 
-/// A covariance and its factor.
+/// A covariance and its Cholesky factor.
 #[derive(Clone, Debug)]
 pub(crate) struct Noise {
     pub covariance: DMatrix<f64>,
     factor: Cholesky<f64, Dyn>,
 }
 
-/// The covariance of `residuals` (one row a simulation): correlations that are not significant set to zero,
-/// the rest shrunk until the matrix is well conditioned; `floors` are added in quadrature.
+/// Returns the covariance of `residuals`. Insignificant correlations are set to zero, and the others are shrunk until
+/// the matrix is well conditioned. `floors` are added in quadrature.
 pub(crate) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> Result<Noise> {
     let n = residuals.len() as f64;
     let d = floors.len();
-    let mut sum = DMatrix::zeros(d, residuals.len());
-    for (i, r) in residuals.iter().enumerate() {
-        sum.set_column(i, r);
-    }
+    let sum = matrix(residuals, d);
     let mut covariance = &sum * sum.transpose() / n;
     let sd: Vec<f64> = (0..d).map(|i| covariance[(i, i)].max(1e-30).sqrt()).collect();
     let limit = MIN_CORRELATION_SDS / n.sqrt();
@@ -54,29 +52,28 @@ pub(crate) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> Result<Noise>
 }
 
 impl Noise {
-    /// With lamps of uncertain brightness: `columns` are changes per standard deviation of a lamp.
+    /// Adds the outer products of `columns`, such as the changes per standard deviation of each lamp.
     pub(crate) fn with_columns(&self, columns: &DMatrix<f64>) -> Result<Self> {
-        let covariance = &self.covariance + columns * columns.transpose();
+        Self::new(&self.covariance + columns * columns.transpose())
+    }
+
+    fn new(covariance: DMatrix<f64>) -> Result<Self> {
         match Cholesky::new(covariance.clone()) {
             Some(factor) => Ok(Self { covariance, factor }),
             None => Err(Error::new(ErrorKind::Config, "covariance of the statistics").found("not positive")),
         }
     }
 
-    /// Logarithm of the covariance's determinant.
+    /// Returns the logarithm of the determinant of the covariance.
     pub(crate) fn log_determinant(&self) -> f64 {
         let l = self.factor.l_dirty();
         (0..l.nrows()).map(|i| 2.0 * l[(i, i)].ln()).sum()
     }
 
-    /// With every deviation multiplied by a factor of its own.
+    /// Multiplies the standard deviation of each statistic by a factor.
     pub(crate) fn scaled(&self, factors: &[f64]) -> Result<Self> {
         let scale = |i: usize, j: usize| self.covariance[(i, j)] * factors[i] * factors[j];
-        let covariance = DMatrix::from_fn(factors.len(), factors.len(), scale);
-        match Cholesky::new(covariance.clone()) {
-            Some(factor) => Ok(Self { covariance, factor }),
-            None => Err(Error::new(ErrorKind::Config, "covariance of the statistics").found("not positive")),
-        }
+        Self::new(DMatrix::from_fn(factors.len(), factors.len(), scale))
     }
 
     pub(crate) fn solve(&self, right: &DMatrix<f64>) -> DMatrix<f64> {
@@ -88,7 +85,7 @@ impl Noise {
     }
 }
 
-/// How far a position may move, and where it is drawn as strongly as by `weight` of information.
+/// The bounds of a position, and a prior at `leans` with the information `weight`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bound {
     pub low: f64,
@@ -97,7 +94,7 @@ pub(crate) struct Bound {
     pub weight: f64,
 }
 
-/// A noise with directions that cost nothing.
+/// A noise with free directions.
 #[derive(Clone, Debug)]
 pub(crate) struct Metric {
     pub(crate) noise: Noise,
@@ -107,19 +104,19 @@ pub(crate) struct Metric {
 }
 
 impl Metric {
-    /// `directions`: one column for every fitted number.
+    /// `directions` has one column for each fitted parameter.
     pub(crate) fn new(noise: &Noise, directions: DMatrix<f64>) -> Self {
         let weighted = noise.solve(&directions);
         let mut information = directions.transpose() * &weighted;
         for i in 0..information.nrows() {
-            // Directions that nothing tells apart must not make the fit run away.
+            // Directions that are not distinguishable must not make the fit diverge.
             information[(i, i)] *= 1.0 + 1e-6;
             information[(i, i)] += 1e-9;
         }
         Self { noise: noise.clone(), directions, weighted, information }
     }
 
-    /// The same with every position known beforehand, by so much information.
+    /// Adds prior information about each position.
     pub(crate) fn knowing(mut self, weights: &[f64]) -> Self {
         for (i, weight) in weights.iter().enumerate() {
             self.information[(i, i)] += weight;
@@ -127,7 +124,7 @@ impl Metric {
         self
     }
 
-    /// Best positions along the directions, and their covariance.
+    /// Returns the best positions along the directions.
     pub(crate) fn fit(&self, off: &DVector<f64>) -> DVector<f64> {
         let right = self.weighted.transpose() * off;
         if right.is_empty() {
@@ -137,8 +134,8 @@ impl Metric {
         self.information.clone().lu().solve(&right).unwrap_or_else(|| DVector::zeros(right.len()))
     }
 
-    /// Best positions along the directions within their bounds. The others are fitted anew for every one that
-    /// is held at its bound: cutting each by itself would leave two that lean on each other far off.
+    /// Returns the best positions along the directions within their bounds. If a position is fixed at its bound, the
+    /// others are fitted again. Clamping each position alone would leave two correlated positions far from the optimum.
     pub(crate) fn bounded(&self, off: &DVector<f64>, bounds: &[Bound]) -> DVector<f64> {
         let mut moved = DVector::zeros(bounds.len());
         let mut open: Vec<usize> = (0..bounds.len()).collect();
@@ -161,7 +158,7 @@ impl Metric {
         moved
     }
 
-    /// Best positions along some of the directions, each drawn to where its bound leans.
+    /// Returns the best positions along some of the directions, with their priors.
     fn leaning(&self, off: &DVector<f64>, bounds: &[Bound], open: &[usize]) -> DVector<f64> {
         let weighted = self.weighted.select_columns(open);
         let mut information = self.information.select_rows(open).select_columns(open);
@@ -179,45 +176,45 @@ impl Metric {
         self.information.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(n, n) * 1e6)
     }
 
-    /// Variance of the position along direction `j` over what it would be if all others were known.
+    /// Returns the variance of the position along direction `j`, divided by its variance if all others were known.
     pub(crate) fn inflation(&self, j: usize) -> f64 {
         self.information[(j, j)] * self.covariance()[(j, j)]
     }
 
-    /// Moves of all positions where that along direction `j` moves by `by` and the others take over what they can of it.
+    /// Returns the moves of all positions if position `j` moves by `by` and the others compensate for it.
     pub(crate) fn along(&self, j: usize, by: f64) -> DVector<f64> {
         let covariance = self.covariance();
         covariance.column(j) * (by / covariance[(j, j)])
     }
 
-    /// What is left of `off` after a step along the directions.
+    /// Returns the rest of `off` after a step along the directions.
     pub(crate) fn after(&self, off: &DVector<f64>, step: &DVector<f64>) -> DVector<f64> {
         off - &self.directions * step
     }
 
-    /// What is left after the best fit.
+    /// Returns the rest after the best fit.
     pub(crate) fn rest(&self, off: &DVector<f64>) -> DVector<f64> {
         self.after(off, &self.fit(off))
     }
 
-    /// `off` in the metric: its product with a vector is their inner product.
+    /// Returns the dual vector of `off`: its product with a vector is their inner product.
     pub(crate) fn dual(&self, off: &DVector<f64>) -> DVector<f64> {
         self.noise.solve_vector(&self.rest(off))
     }
 
-    /// The squared length.
+    /// Returns the squared length.
     pub(crate) fn square(&self, off: &DVector<f64>) -> f64 {
         off.dot(&self.dual(off)).max(0.0)
     }
 
-    /// Deviations in their own standard deviations, calibration projected out.
+    /// Returns the deviations in their standard deviations, without the fitted directions.
     pub(crate) fn scores(&self, off: &DVector<f64>) -> Vec<f64> {
         let rest = self.rest(off);
         let lost = &self.directions * self.covariance() * self.directions.transpose();
         (0..rest.len())
             .map(|i| {
                 let own = self.noise.covariance[(i, i)];
-                // A statistic that the fit uses up says nothing.
+                // A statistic that the fit determines completely contains no information.
                 rest[i] / (own - lost[(i, i)]).max(0.02 * own).sqrt()
             })
             .collect()

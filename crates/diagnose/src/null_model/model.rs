@@ -1,33 +1,31 @@
-//! What a set of a given protocol looks like under the base model: mean, noise, what each number
-//! moves, how each candidate shows, and how far clean sensors stray.
+//! The base model under a protocol: mean, noise, derivatives, signatures of effects, and limits of clean sensors.
 
 use crate::light::offsets::{columns, offsets, shifted};
-use crate::null_model::baseline::{
-    Baseline, FIRST_SIGNATURE_DRAWS, NULL_MODEL_DONE, SENSORS, SENSORS_DONE, SIGNATURE_DRAWS, StartingCamera,
-};
+use crate::null_model::baseline::{Baseline, NULL_MODEL_DONE, SENSORS_DONE, StartingCamera};
 use crate::null_model::limits::{AGREEMENT, ALARM, Base, Clean, LimitLevel, Limits};
-use crate::null_model::mean::average;
 use crate::null_model::metric::{Metric, Noise, noise};
-use crate::null_model::posterior_draw::{
-    CleanSensor, POSTERIOR_SENSORS, posterior_sensors, sensors_of_baseline,
-};
+use crate::null_model::posterior_draw::{CleanSensor, posterior_sensors, sensors_of_baseline};
 use crate::null_model::progress::{Stage, watched};
 use crate::null_model::signature::Signature;
+use crate::null_model::vectors::{average, differences, mean_squares};
 use crate::recordings::setup::Setup;
 use crate::sensors::catalog::Candidate;
 use crate::sensors::deadline::{Deadline, SimulationContext};
 use crate::sensors::memory::SimulationMemory;
-use crate::sensors::model::Model;
+use crate::sensors::model::{Model, Sample};
 use crate::sensors::simulate;
 use crate::statistics::vector::DiagnosticStatistic;
-use crate::thresholds::{CALIBRATION_INFORMATION, FIRST_HELD_OUT_SIMULATIONS, HELD_OUT_SIMULATIONS};
+use crate::thresholds::{
+    CALIBRATION_INFORMATION, FIRST_HELD_OUT_SIMULATIONS, FIRST_SIGNATURE_DRAWS, HELD_OUT_SIMULATIONS,
+    POSTERIOR_SENSORS, SENSORS, SIGNATURE_DRAWS,
+};
 use nalgebra::{DMatrix, DVector};
 use spikelane::effects::{Camera, Catalog, Definition};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::ProgressCallback;
 
-/// Simulated sensors of one kind under one protocol. They serve for every set that was recorded by that protocol.
+/// Simulated sensors of one kind under one protocol. They serve every set that was recorded by this protocol.
 #[derive(Clone, Debug)]
 pub struct NullModel {
     pub(crate) setup: Setup,
@@ -37,7 +35,7 @@ pub struct NullModel {
     /// Vectors of the first [`SENSORS`] seeds.
     pub(crate) baseline: Vec<DVector<f64>>,
     pub(crate) mean: DVector<f64>,
-    /// The deviation of every statistic from one of these to another, without floors and lamps.
+    /// Standard deviation of each statistic between these, without floors and lamps.
     pub(crate) spread: Vec<f64>,
     /// Changes per unit of the base knobs.
     pub(crate) jacobian: DMatrix<f64>,
@@ -45,17 +43,17 @@ pub struct NullModel {
     pub(crate) lamp_slopes: DMatrix<f64>,
     /// Noise of sensors whose light is known.
     pub(crate) noise_without_lamps: Noise,
-    /// Noise, lamps included.
+    /// Noise including the lamps.
     pub(crate) noise: Noise,
     pub(crate) metric: Metric,
-    /// By how much the fit of a clean sensor misses each of the base model's numbers.
+    /// Root mean square error of the fit of clean sensors for each base parameter.
     pub(crate) missed: Vec<f64>,
     pub(crate) signatures: Vec<Signature>,
-    /// Effects that this set cannot show, whatever their strength.
+    /// Effects that this set cannot show at any strength.
     pub(crate) missing: Vec<&'static Definition>,
-    /// What clean sensors show.
+    /// Limits and noise floor of clean sensors.
     pub(crate) clean: Clean,
-    /// What fitted models were simulated as.
+    /// Simulated vectors of fitted models.
     remembered: SimulationMemory,
 }
 
@@ -90,7 +88,8 @@ impl NullModel {
         Self::complete(baseline, SIGNATURE_DRAWS, progress)
     }
 
-    /// The null model for a search, from all simulations of the base model and sensors with numbers from their posterior.
+    /// Returns the null model for a search, from all simulations of the base model and sensors with parameters from
+    /// their posterior.
     ///
     /// With [`FIRST_SIGNATURE_DRAWS`], a search makes the second draw of the candidates that it compares.
     pub(crate) fn complete(
@@ -115,7 +114,7 @@ impl NullModel {
         Self::from_sensors(baseline, &sensors, &residuals, ALARM)
     }
 
-    /// The null model of the first simulations. Its limits are those within which a set agrees.
+    /// Returns the null model of the first simulations. A set within its limits agrees.
     pub(crate) fn preliminary(baseline: &Baseline) -> Result<Self> {
         let (mean, lamp_slopes) = (baseline.mean(), baseline.lamp_slopes());
         let sensors =
@@ -182,17 +181,18 @@ impl NullModel {
         copy
     }
 
-    /// `data` in the coordinates of this model: see the top of this file.
+    /// Returns `data` as if all lamps had their stated light; see `light/offsets.rs`.
     pub(crate) fn shifted(&self, data: &DVector<f64>) -> DVector<f64> {
         shifted(data, &self.lamp_slopes, &self.model)
     }
 
-    /// What is subtracted from vectors of `model`, so that they compare with data that were moved by this model's offsets.
+    /// Returns the vector that is subtracted from vectors of `model`, so that they compare with data that were shifted
+    /// by the offsets of this model.
     pub(crate) fn lamp_shift(&self, model: &Model) -> DVector<f64> {
         &self.lamp_slopes * (offsets(&model.lamps) - offsets(&self.model.lamps))
     }
 
-    /// Whether it comes from the first simulations only.
+    /// Returns whether it comes from the first simulations only.
     pub(crate) fn is_preliminary(&self) -> bool {
         self.baseline.len() < SENSORS
     }
@@ -202,7 +202,7 @@ impl NullModel {
         if self.is_preliminary() { AGREEMENT.probability } else { ALARM.probability }
     }
 
-    /// A statistic in words.
+    /// Returns the name of a statistic and its recording.
     pub(crate) fn words(&self, i: usize) -> (String, String) {
         let s = &self.statistics[i];
         let place =
@@ -210,13 +210,13 @@ impl NullModel {
         (s.name.to_owned(), place)
     }
 
-    /// How `candidate` shows in a base sensor, from as many simulations as the other signatures.
+    /// Returns the signature of `candidate`, from as many simulations as the other signatures.
     pub(crate) fn signature(&self, candidate: Candidate) -> Result<Signature> {
         let draws = if self.is_preliminary() { FIRST_SIGNATURE_DRAWS } else { SIGNATURE_DRAWS };
         self.signature_with(candidate, Vec::new(), draws)
     }
 
-    /// `signature` from two simulations.
+    /// Returns `signature` from two simulations.
     pub(crate) fn with_second_draw(&self, signature: &Signature) -> Result<Signature> {
         if signature.each.len() >= SIGNATURE_DRAWS {
             return Ok(signature.clone());
@@ -230,19 +230,15 @@ impl NullModel {
         mut each: Vec<DVector<f64>>,
         draws: usize,
     ) -> Result<Signature> {
-        let sample = candidate.sample(&self.model, self.setup.recordings.len())?;
-        let change = |i: usize| {
-            let simulate =
-                || Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
-            Ok(self.remembered.get_or_simulate(&sample, i, simulate)? - &self.baseline[i])
-        };
+        let sample = candidate.sample(&self.model)?;
+        let change = |i: usize| Ok(self.remembered(&sample, i)? - &self.baseline[i]);
         let more = threads::try_map(each.len()..draws, change)?;
         each.extend(more);
         Ok(Signature::new(candidate, each, &self.spread))
     }
 
-    /// Mean vector of a fitted model from `count` simulations, of which the first are `known`, with the base model's as control
-    /// where that helps.
+    /// Returns the mean vector of a fitted model from `count` simulations. The first ones are `known`. The vectors of
+    /// the base model are a control variate if that reduces the noise.
     pub(crate) fn mean_of(
         &self,
         model: &Model,
@@ -250,33 +246,35 @@ impl NullModel {
         count: usize,
         known: Vec<DVector<f64>>,
     ) -> Result<Means> {
-        let sample = model.sample(u, &[], self.setup.recordings.len())?;
-        let simulate =
-            |i: usize| Ok(DVector::from_vec(simulate::values(&self.setup, &sample, self.seed + i as u64)?));
+        let sample = model.sample(u, &[])?;
         let shift = self.lamp_shift(model);
-        let one = |i: usize| Ok(self.remembered.get_or_simulate(&sample, i, || simulate(i))? - &shift);
+        let one = |i: usize| Ok(self.remembered(&sample, i)? - &shift);
         let mut each = known;
         let more = threads::try_map(each.len()..count.min(SENSORS), one)?;
         each.extend(more);
         Ok(Means { mean: self.controlled(&each), each })
     }
 
-    /// Mean vector of a fitted model under another protocol of as many statistics: the other half of the recordings, or the same
-    /// scenes with other light.
+    /// Returns the mean vector of a fitted model under another protocol with the same statistics: the other half of the
+    /// recordings, or the same scenes with other light.
     pub(crate) fn mean_under(&self, setup: &Setup, model: &Model, u: &[f64]) -> Result<DVector<f64>> {
-        let sample = model.sample(u, &[], setup.recordings.len())?;
+        let sample = model.sample(u, &[])?;
         let shift = self.lamp_shift(model);
         let halves = if self.is_preliminary() { FIRST_HELD_OUT_SIMULATIONS } else { HELD_OUT_SIMULATIONS };
-        let simulate = |i: usize| {
-            Ok(DVector::from_vec(simulate::values(setup, &sample, self.seed + i as u64)?) - &shift)
-        };
+        let simulate = |i: usize| Ok(simulate::values(setup, &sample, self.seed + i as u64)? - &shift);
         Ok(self.controlled(&threads::try_map(0..halves, simulate)?))
+    }
+
+    /// Returns the vector of `sample` with draws number `i`, which is simulated once.
+    fn remembered(&self, sample: &Sample, i: usize) -> Result<DVector<f64>> {
+        let simulate = || simulate::values(&self.setup, sample, self.seed + i as u64);
+        self.remembered.get_or_simulate(sample, i, simulate)
     }
 
     fn controlled(&self, each: &[DVector<f64>]) -> DVector<f64> {
         let n = each.len();
         let plain = average(each);
-        let change: Vec<DVector<f64>> = each.iter().zip(&self.baseline).map(|(s, b)| s - b).collect();
+        let change = differences(each, &self.baseline);
         let controlled = average(&change) + &self.mean;
         let spread = |rows: &[DVector<f64>], center: f64, j: usize| {
             rows.iter().map(|r| (r[j] - center).powi(2)).sum::<f64>()
@@ -288,15 +286,14 @@ impl NullModel {
     }
 }
 
-/// Statistics that tell one number follow its chance in one sensor together, the spread of 2,304 gains for one. Where the noise
-/// does not hold all of that, the linear deviations are too small.
+/// Returns the root mean square error of each base parameter in fits of clean sensors. The statistics of one parameter
+/// follow its chance in a sensor together, for example the spread of 2,304 gains. If the noise does not contain all of
+/// this, linear standard deviations are too small.
 fn missed(metric: &Metric, sensors: &[CleanSensor], mean: &DVector<f64>) -> Vec<f64> {
     let known = vec![CALIBRATION_INFORMATION; metric.directions.ncols()];
     let fitter = metric.clone().knowing(&known);
     let error = |d: &CleanSensor| fitter.fit(&(&d.vector - mean)) - &d.base;
-    let errors: Vec<DVector<f64>> = sensors.iter().map(error).collect();
-    let square = |j: usize| errors.iter().map(|e| e[j] * e[j]).sum::<f64>() / errors.len() as f64;
-    (0..known.len()).map(|j| square(j).sqrt()).collect()
+    mean_squares(&sensors.iter().map(error).collect::<Vec<_>>()).iter().map(|square| square.sqrt()).collect()
 }
 
 /// Simulated vectors and their mean.

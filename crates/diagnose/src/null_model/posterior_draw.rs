@@ -1,32 +1,29 @@
-//! Clean sensors whose calibrated numbers are off as a calibration leaves them.
+//! Clean sensors whose parameters deviate as after a calibration.
 
 use std::sync::atomic::AtomicUsize;
 
 use crate::light::offsets::LampDraw;
 use crate::null_model::metric::Metric;
 use crate::null_model::progress::count;
+use crate::null_model::vectors::normal_vectors;
 use crate::recordings::setup::Setup;
 use crate::sensors::model::Model;
 use crate::sensors::simulate;
+use crate::thresholds::POSTERIOR_SENSORS;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
-use spikelane::unstable::draws::pattern_rng::PatternRng;
-use spikelane::unstable::draws::{RandomStream, Seeds};
 use spikelane::unstable::threads;
 
-/// Sensors of a complete null model whose numbers are drawn from their posterior.
-pub(super) const POSTERIOR_SENSORS: usize = 120;
-
-/// A clean sensor whose numbers and lamps differ from those of the base model.
+/// A clean sensor whose parameters and lamps differ from those of the base model.
 pub(crate) struct CleanSensor {
-    /// Positions of the base numbers.
+    /// Positions of the base parameters.
     pub base: DVector<f64>,
     /// Deviations of the lamps.
     pub lamps: DVector<f64>,
     pub vector: DVector<f64>,
 }
 
-/// Simulates sensors whose numbers come from the posterior and whose lamps have errors.
+/// Simulates sensors whose parameters come from the posterior and whose lamps have errors.
 pub(crate) fn posterior_sensors(
     setup: &Setup,
     model: &Model,
@@ -39,15 +36,11 @@ pub(crate) fn posterior_sensors(
     let root = rough.covariance().cholesky().map_or_else(|| DMatrix::zeros(n, n), |c| c.l());
     let one = |i: usize| -> Result<CleanSensor> {
         let own = seed + 10_000 + i as u64;
-        let mut normals =
-            PatternRng::new(Seeds { camera: own, shot: 0, sequence: 0 }, RandomStream::from_name("diagnose"))
-                .normals();
-        let mut draw = |count: usize| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0));
+        let mut draw = normal_vectors(own, "diagnose");
         let base = &root * draw(n);
         let lamps = LampDraw::new(&model.lamps, &draw(model.lamps.len()));
-        let sample = model.sample(base.as_slice(), lamps.simulated.as_slice(), setup.recordings.len())?;
-        let values = DVector::from_vec(simulate::values(setup, &sample, own)?);
-        let vector = values + lamp_slopes * lamps.remainder();
+        let sample = model.sample(base.as_slice(), lamps.simulated.as_slice())?;
+        let vector = simulate::values(setup, &sample, own)? + lamp_slopes * lamps.remainder();
         count(done);
         Ok(CleanSensor { base, lamps: lamps.whole, vector })
     };
@@ -69,11 +62,7 @@ pub(super) fn sensors_of_baseline(
     let n = vectors.len() as f64;
     let stretch = ((n + 1.0) / (n - 1.0)).sqrt();
     let one = |(i, vector): (usize, &DVector<f64>)| {
-        let own = seed + 20_000 + i as u64;
-        let mut normals =
-            PatternRng::new(Seeds { camera: own, shot: 0, sequence: 0 }, RandomStream::from_name("diagnose"))
-                .normals();
-        let normal = DVector::from_fn(model.lamps.len(), |_, _| normals.next().unwrap_or(0.0));
+        let normal = normal_vectors(seed + 20_000 + i as u64, "diagnose")(model.lamps.len());
         let lamps = LampDraw::new(&model.lamps, &normal).whole;
         let vector = mean + (vector - mean) * stretch + lamp_slopes * &lamps;
         CleanSensor { base: DVector::zeros(model.knobs.len()), lamps, vector }

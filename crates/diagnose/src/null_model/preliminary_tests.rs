@@ -56,15 +56,14 @@ fn sensors_that_agree_with_the_first_simulations_agree_with_all() {
     let baseline = Baseline::first(setup.clone(), start, 3, &Catalog::new(), &mut |_, _| {}).unwrap();
     let preliminary = NullModel::preliminary(&baseline).unwrap();
     let complete = NullModel::complete(baseline, 1, &mut |_, _| {}).unwrap();
-    let clean = Model::base(camera, &setup).sample(&[], &[], setup.recordings.len()).unwrap();
+    let clean = Model::base(camera, &setup).sample(&[], &[]).unwrap();
     let with_effect = |probability: f64| {
         let effect = false_spikes::EFFECT.neutral().with_value("probability", probability).unwrap();
         Sample { camera: clean.camera.clone().with_effect(effect), ..clean.clone() }
     };
     let alarms = |sample: &Sample| -> Vec<[bool; 2]> {
         let one = |i: u64| {
-            let values = simulate::values(&setup, sample, 700_000 + i).unwrap();
-            let vector = DVector::from_vec(values);
+            let vector = simulate::values(&setup, sample, 700_000 + i).unwrap();
             [&preliminary, &complete].map(|null_model| is_alarm(null_model, &vector))
         };
         threads::map(0..SENSORS as usize, |i| one(i as u64))

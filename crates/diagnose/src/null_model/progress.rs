@@ -1,11 +1,11 @@
-//! Work on all threads, watched by the one that asked for it.
+//! Progress of work on all threads.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use spikelane::unstable::threads;
 use spikelane_calibrate::ProgressCallback;
 
-/// A part of all work: its name, the shares of the whole between which it lies, and how many pieces it has.
+/// A stage of a diagnosis: its name, its start and end as shares of the whole, and its number of pieces.
 pub(crate) struct Stage {
     pub name: &'static str,
     pub from: f64,
@@ -13,7 +13,7 @@ pub(crate) struct Stage {
     pub pieces: usize,
 }
 
-/// Does `work`, which counts its pieces, and tells `progress` how many are done meanwhile.
+/// Runs `work`, which counts its pieces, and reports the share of complete pieces to `progress` meanwhile.
 pub(crate) fn watched<T: Send>(
     stage: &Stage,
     progress: ProgressCallback<'_>,
@@ -30,7 +30,7 @@ pub(crate) fn watched<T: Send>(
     out
 }
 
-/// One more piece is done.
+/// Counts a complete piece.
 pub(crate) fn count(done: &AtomicUsize) {
     done.fetch_add(1, Ordering::Relaxed);
 }

@@ -1,7 +1,7 @@
-//! How a candidate shows.
+//! Signatures: changes of the statistics by candidates.
 
-use crate::null_model::mean::{average, shrink};
 use crate::null_model::metric::Metric;
+use crate::null_model::vectors::{average, shrink};
 use crate::recordings::setup::Setup;
 use crate::sensors::catalog::Candidate;
 use crate::sensors::model::{Model, Sample};
@@ -11,7 +11,7 @@ use nalgebra::DVector;
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 
-/// How a candidate shows at one position.
+/// The change of the statistics by a candidate at one position.
 #[derive(Clone, Debug)]
 pub(crate) struct Signature {
     pub candidate: Candidate,
@@ -60,14 +60,14 @@ pub(crate) struct AmplitudeEstimate {
     pub sd: f64,
 }
 
-/// Whether `b` is the same effect as `a` with the opposite sign.
+/// Returns whether `b` is the same effect as `a` with the opposite sign.
 pub(super) fn is_mirrored(a: &Candidate, b: &Candidate) -> bool {
     let is_linear = a.knobs.first().is_some_and(|knob| knob.scale == SearchScale::Linear);
     let opposite = |a: f64, b: f64| (a + b).abs() < 1e-9 * a.abs();
     is_linear && a.effect == b.effect && opposite(a.at[0], b.at[0]) && a.at[1..] == b.at[1..]
 }
 
-/// How much further than tried the amplitude can go.
+/// Returns the largest amplitude, relative to the tried one.
 pub(crate) fn reach(s: &Signature) -> f64 {
     let (knob, u) = (s.candidate.knobs[0], s.candidate.at[0]);
     let most = knob.position(if u * knob.unit < 0.0 && knob.scale == SearchScale::Linear {
@@ -79,16 +79,17 @@ pub(crate) fn reach(s: &Signature) -> f64 {
 }
 
 impl Candidate {
-    /// The sample of the base model with this candidate.
-    pub(super) fn sample(&self, base: &Model, recordings: usize) -> Result<Sample> {
+    /// Returns the sample of the base model with this candidate.
+    pub(super) fn sample(&self, base: &Model) -> Result<Sample> {
         let mut model = base.clone();
         let zero = vec![0.0; model.knobs.len()];
         model.knobs.extend(self.knobs.iter().copied());
-        model.sample(&[zero.as_slice(), &self.at].concat(), &[], recordings)
+        model.sample(&[zero.as_slice(), &self.at].concat(), &[])
     }
 }
 
-/// What `candidate` changes in the base sensor with draws number `i`, of which `baseline` has the vectors.
+/// Returns the change by `candidate` of the base sensor with draws number `i`. `baseline` contains the vectors of the
+/// base sensor.
 pub(super) fn changed_by(
     candidate: &Candidate,
     setup: &Setup,
@@ -97,7 +98,5 @@ pub(super) fn changed_by(
     baseline: &[DVector<f64>],
     i: usize,
 ) -> Result<DVector<f64>> {
-    let sample = candidate.sample(base, setup.recordings.len())?;
-    let values = simulate::values(setup, &sample, seed + i as u64)?;
-    Ok(DVector::from_vec(values) - &baseline[i])
+    Ok(simulate::values(setup, &candidate.sample(base)?, seed + i as u64)? - &baseline[i])
 }

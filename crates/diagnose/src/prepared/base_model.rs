@@ -1,4 +1,4 @@
-//! The model that a search starts from, with where each of its numbers comes from.
+//! The initial model of a search, with the origin of each parameter.
 
 use crate::prepared::map_populations::reduced;
 use crate::prepared::negative_currents::has_negative_currents;
@@ -15,36 +15,36 @@ use spikelane::effects::{
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane_calibrate::{self as calibrate, Calibration, NoiseSampling, RecordingSet};
 
-/// Where a number of the base model comes from.
+/// Origin of a parameter of the base model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum NumberSource {
     /// Calibrated from these recordings.
     Calibrated,
-    /// That of the published model, as calibration did not tell it.
+    /// The published model, because the calibration did not determine it.
     Published,
-    /// Moved from the published one until the recordings are met best, as calibration did not tell it.
+    /// A fit to the recordings that started from the published model, because the calibration did not determine it.
     Fitted,
-    /// That of the camera file.
+    /// The camera file.
     Camera,
 }
 
-/// A number of the model that the search began with.
+/// A parameter of the initial model of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct BaseParameter {
     /// `effect.key`.
     pub parameter: String,
-    /// Its value.
+    /// Value.
     pub value: f64,
-    /// Standard error of a calibrated one.
+    /// Standard error of a calibrated parameter.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
-    /// Its unit; nothing for a ratio.
+    /// Unit; empty for a ratio.
     #[serde(skip_serializing_if = "str::is_empty")]
     pub unit: &'static str,
-    /// Where it comes from.
+    /// Origin.
     pub source: NumberSource,
 }
 
@@ -58,8 +58,8 @@ impl BaseParameter {
     }
 }
 
-/// The camera as the rows from `first_row` on see it: its band of jitter lies `first_row` rows higher. A band whose center lies
-/// above these rows is left out.
+/// Returns the camera for the rows from `first_row` on: its band of jitter is `first_row` rows higher. A band whose
+/// center is above these rows is removed.
 fn in_row_band(camera: Camera, first_row: usize) -> Camera {
     let Some(jitter) = camera.effect(readout_jitter::EFFECT.name) else { return camera };
     let moved = jitter.get("row").and_then(|row| jitter.clone().with_value("row", row - first_row as f64));
@@ -69,7 +69,7 @@ fn in_row_band(camera: Camera, first_row: usize) -> Camera {
     }
 }
 
-/// What a search starts from.
+/// The initial model of a search.
 pub(crate) struct BaseModel {
     pub camera: Camera,
     pub numbers: Vec<BaseParameter>,
@@ -77,12 +77,12 @@ pub(crate) struct BaseModel {
 }
 
 impl BaseModel {
-    /// Whether a number is a guess that the recordings may contradict: that of another camera.
+    /// Returns whether a parameter belongs to another camera, so that the recordings may contradict it.
     pub(crate) fn is_guessed(&self) -> bool {
         self.numbers.iter().any(|n| n.source == NumberSource::Published)
     }
 
-    /// With the numbers of `fitted` where they were guessed.
+    /// Takes the parameters of `fitted` in place of those of another camera.
     pub(crate) fn fitted(mut self, fitted: &Camera) -> Result<Self> {
         let mut moved = Vec::new();
         for n in self.numbers.iter_mut().filter(|n| n.source == NumberSource::Published) {
@@ -101,8 +101,8 @@ impl BaseModel {
         Ok(self)
     }
 
-    /// From the camera that is given, or from the published model with what calibration tells of the set.
-    /// Where pixels began together it begins so, too.
+    /// Returns the `given` camera, or the published model with the calibrated parameters of the set. If the pixels of
+    /// the recordings began together, those of the model do, too.
     pub(crate) fn new(recordings: &Recordings, given: Option<&Camera>) -> Result<Self> {
         let mut base = Self::running(&recordings.fitted, given)?;
         if let Some(over) = recordings.begun_over {
@@ -111,7 +111,7 @@ impl BaseModel {
         Ok(base)
     }
 
-    /// Of a camera that was running.
+    /// Returns the model of a camera whose pixels did not begin together.
     fn running(taken: &PreparedSet, given: Option<&Camera>) -> Result<Self> {
         let PreparedSet { set, setup, measured } = taken;
         let calibration = calibration(set);
@@ -140,8 +140,8 @@ impl BaseModel {
         }
     }
 
-    /// Pixels start anywhere in their cycle: where they began is a property of a recording. Maps give way to their populations.
-    /// The compared rows start at `first_row`.
+    /// Returns the model of a given camera. Pixels start at random phases, because the start is a property of a
+    /// recording. Maps are replaced by their populations. The compared rows start at `first_row`.
     fn of_camera(given: &Camera, first_row: usize) -> Result<Self> {
         let mut notes = Vec::new();
         let mut camera = given.clone().with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
@@ -157,7 +157,7 @@ impl BaseModel {
         Ok(Self { numbers: numbers(&camera, NumberSource::Camera), camera, notes })
     }
 
-    /// With dark currents below zero kept.
+    /// Keeps negative dark currents.
     fn below_zero(mut self) -> Result<Self> {
         let own = self.camera.effect(dark_current::EFFECT.name).cloned();
         let own = own.unwrap_or_else(|| dark_current::EFFECT.neutral());
@@ -168,7 +168,7 @@ impl BaseModel {
         Ok(self)
     }
 
-    /// With what a calibration found, as far as it is sure.
+    /// Takes the parameters that a calibration determined with small errors.
     fn moved(mut self, c: &Calibration) -> Result<Self> {
         let (mut told, mut untold) = (Vec::new(), Vec::new());
         for (effect, key, value, error) in found(&self.camera, c) {
@@ -221,7 +221,7 @@ fn numbers(camera: &Camera, source: NumberSource) -> Vec<BaseParameter> {
     BASE_KNOBS.iter().filter_map(of).collect()
 }
 
-/// The base model's numbers as a calibration has them, with their errors.
+/// Returns the calibrated base parameters with their errors.
 fn found(camera: &Camera, c: &Calibration) -> Vec<(&'static Definition, &'static str, f64, f64)> {
     let (p, sensor) = (&c.population, &camera.sensor);
     let bias = camera.effect(bias_voltage::EFFECT.name).map_or(0.0, |e| e.values()[0]);
@@ -231,7 +231,7 @@ fn found(camera: &Camera, c: &Calibration) -> Vec<(&'static Definition, &'static
     let phi_error = if told { p.sigma_phi.error } else { f64::NAN };
     let inverse = 1.0 + phi * phi;
     let to_pa = sensor.capacitance_ff * swing / (sensor.period_s() * 1e3);
-    // What a spread has beside that of the thresholds, which the sum of both tells.
+    // The spread without that of the thresholds, which the calibrated spread includes.
     let own = |sd: f64, mean: f64| ((sd / mean).powi(2) - phi * phi).max(1e-4).sqrt();
     let own_error = |sd: f64, error: f64, mean: f64| {
         let by_phi = if told { phi * phi_error } else { 0.0 };
@@ -269,8 +269,8 @@ fn found(camera: &Camera, c: &Calibration) -> Vec<(&'static Definition, &'static
     ]
 }
 
-/// Dark rate of most pixels, and how it differs between them: a few hot ones would double a plain spread, and the search
-/// would have to bring it back before it could name them.
+/// Returns the median dark rate and its robust spread. A few hot pixels would double a plain standard deviation, and
+/// the search would have to correct it before it could name them.
 fn usual_dark(c: &Calibration) -> (f64, f64) {
     let d: Vec<f64> = c.fits.iter().map(|f| f.d).collect();
     let errors: Vec<f64> = c.fits.iter().map(|f| f.var_d).collect();

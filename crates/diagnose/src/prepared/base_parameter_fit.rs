@@ -1,13 +1,13 @@
-//! A camera that is given, and whose own numbers are wrong: they are corrected before anything is added.
+//! Fits wrong parameters of a given camera before any effect is added.
 //!
-//! The found light is known to some thousandths only, and the rates of the pixels are known to a hundredth of that. Without
-//! lamps in the fit, the base numbers would move by several of their errors to take these differences in.
+//! The found light has an error of some thousandths, and the rates of the pixels have a hundredth of it. Without lamps
+//! in the fit, the base parameters would move by several standard deviations to explain these differences.
 
 use std::sync::atomic::AtomicUsize;
 
 use crate::null_model::baseline::StartingCamera;
 use crate::null_model::derivatives::{Changes, changes, lit, pairs, with_lamps};
-use crate::null_model::mean::average;
+use crate::null_model::vectors::{average, matrix, spread};
 use crate::recordings::setup::Setup;
 use crate::sensors::deadline::SimulationContext;
 use crate::sensors::model::Model;
@@ -23,7 +23,7 @@ use spikelane::unstable::threads;
 
 /// The lamps of the lit recordings.
 struct Lamps {
-    /// Change of every statistic per unit of each lamp's deviation.
+    /// Change of each statistic per unit of the deviation of each lamp.
     slopes: DMatrix<f64>,
     /// Standard deviation of each lamp.
     uncertainties: Vec<f64>,
@@ -35,14 +35,12 @@ impl Lamps {
         let draw = |i: usize| Ok(with_lamps(setup, model, seed + i as u64)?.lamps);
         let all: Vec<Vec<DVector<f64>>> = threads::try_map(0..BASE_FIT_LAMP_DRAWS, draw)?;
         let mean = |k: usize| average(&all.iter().map(|own| own[k].clone()).collect::<Vec<_>>());
-        let columns: Vec<DVector<f64>> = (0..lit.len()).map(mean).collect();
-        let slopes =
-            if lit.is_empty() { DMatrix::zeros(entries, 0) } else { DMatrix::from_columns(&columns) };
+        let slopes = matrix(&(0..lit.len()).map(mean).collect::<Vec<_>>(), entries);
         let uncertainties = lit.iter().map(|k| setup.recordings[*k].light_uncertainty).collect();
         Ok(Self { slopes, uncertainties })
     }
 
-    /// Slopes in standard deviations of the statistics, each with the square root of a weight.
+    /// Returns the slopes in standard deviations of the statistics, each multiplied by the square root of a weight.
     fn weighted(&self, sd: &[f64], weight: impl Fn(usize) -> f64) -> DMatrix<f64> {
         DMatrix::from_fn(self.slopes.nrows(), self.slopes.ncols(), |i, k| {
             weight(i) * self.slopes[(i, k)] / sd[i]
@@ -53,7 +51,7 @@ impl Lamps {
         DVector::from_iterator(self.uncertainties.len(), self.uncertainties.iter().map(|u| u.powi(-2)))
     }
 
-    /// The deviations that explain most of `z`, and what they leave.
+    /// Returns the deviations of the lamps that explain most of `z`, and the rest.
     fn fit(&self, z: DVector<f64>, sd: &[f64]) -> (DVector<f64>, DVector<f64>) {
         let all = self.weighted(sd, |_| 1.0);
         let mut found = DVector::zeros(self.uncertainties.len());
@@ -71,27 +69,27 @@ impl Lamps {
     }
 }
 
-/// Square root of the weight of a statistic that is `z` off.
+/// Returns the square root of the weight of a statistic that deviates by `z`.
 fn usual_weight(z: f64) -> f64 {
     (MAX_BASE_FIT_Z / z.abs().max(1e-9)).min(1.0).sqrt()
 }
 
-/// A camera's place: what its sensors show, and how far the data are off.
+/// A camera with simulations and its deviation from the data.
 struct Place {
     model: Model,
     each: Vec<DVector<f64>>,
-    /// Deviations of one sensor, without and with floors.
+    /// Standard deviations of one sensor, without and with floors.
     spread: Vec<f64>,
     sd: Vec<f64>,
     /// Deviations of the lamps from the found light.
     lamps: DVector<f64>,
-    /// How far the data are off beside the lamps, in deviations, and robustly in all.
+    /// Deviation of the data without the part of the lamps, in standard deviations, and its robust square.
     z: DVector<f64>,
     cost: f64,
 }
 
-/// `camera` with its base numbers fitted to `data`; what was simulated of it on the way serves its reference. A camera of which no
-/// number is off stays as it is.
+/// Fits the base parameters of `camera` to `data`. The result contains the simulations for the null model. A camera
+/// without deviations is returned unchanged.
 pub(crate) fn rebased(
     setup: &Setup,
     camera: &Camera,
@@ -105,7 +103,7 @@ pub(crate) fn rebased(
     let of = |camera| Place::of(setup, model(camera), data, seed, &floors, &lamps);
     let mut best = of(camera.clone())?;
     let given = best.model.clone();
-    // A static scene shows no number of a camera without noise and without spreads.
+    // A static scene determines no parameter of a camera without noise and without spreads.
     if given.knobs.is_empty() {
         return Ok(StartingCamera::new(best.model.camera, context));
     }
@@ -117,11 +115,11 @@ pub(crate) fn rebased(
         if length < MIN_BASE_FIT_STEP {
             break;
         }
-        let camera = best.model.sample(by.as_slice(), &[], setup.recordings.len())?.camera;
+        let camera = best.model.sample(by.as_slice(), &[])?.camera;
         let next = of(camera)?;
         let closer = next.cost < best.cost;
         if closer {
-            // Columns are per share of a number's own value.
+            // Columns are changes per relative change of a parameter.
             for (j, by) in by.iter().enumerate() {
                 derivatives.column_mut(j).scale_mut(1.0 + by);
             }
@@ -144,9 +142,9 @@ pub(crate) fn rebased(
     })
 }
 
-/// What deviations are too small to matter.
+/// Returns the smallest relevant deviation of each statistic.
 fn floors(setup: &Setup, camera: &Camera, seed: u64) -> Result<Vec<f64>> {
-    let still = Model::base(camera.clone(), setup).sample(&[], &[], setup.recordings.len())?;
+    let still = Model::base(camera.clone(), setup).sample(&[], &[])?;
     Ok(simulate::statistics(setup, &still, seed)?.iter().map(|s| s.floor).collect())
 }
 
@@ -159,13 +157,11 @@ impl Place {
         floors: &[f64],
         lamps: &Lamps,
     ) -> Result<Self> {
-        let still = model.sample(&[], &[], setup.recordings.len())?;
-        let one = |i: usize| Ok(DVector::from_vec(simulate::values(setup, &still, seed + i as u64)?));
+        let still = model.sample(&[], &[])?;
+        let one = |i: usize| simulate::values(setup, &still, seed + i as u64);
         let count = MIN_BASE_FIT_SIMULATIONS.max(pairs(setup));
         let each: Vec<DVector<f64>> = threads::try_map(0..count, one)?;
-        let mean = average(&each);
-        let square = |j: usize| each.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
-        let spread: Vec<f64> = (0..mean.len()).map(|j| (square(j) / (count - 1) as f64).sqrt()).collect();
+        let (mean, spread) = (average(&each), spread(&each));
         let sd: Vec<f64> = spread.iter().zip(floors).map(|(s, f)| s.hypot(*f)).collect();
         let (lamps, z) = lamps.fit(DVector::from_fn(mean.len(), |j, _| (data[j] - mean[j]) / sd[j]), &sd);
         let huber = |z: &f64| {
@@ -175,14 +171,15 @@ impl Place {
         Ok(Self { model, each, spread, sd, lamps, z, cost })
     }
 
-    /// What its numbers move: entries that are noise count as none, as among hundreds they would hide what a number does, and
-    /// it would not move.
+    /// Returns the changes by the parameters. Entries that are noise are set to zero, because among hundreds of entries
+    /// they would hide the change by a parameter.
     fn changes(&self, setup: &Setup, seed: u64) -> Result<Changes> {
         changes(setup, &self.model, seed, &self.each, 0..pairs(setup), &AtomicUsize::new(0))
     }
 
-    /// The robust Gauss-Newton step, drawn to the numbers of `given`, and its length in its own deviations. Statistics count as
-    /// independent: correlations of a few dozen simulations are noise for the most part, and steps by them wander.
+    /// Returns the robust Gauss-Newton step with a prior at the parameters of `given`, and its length in standard
+    /// deviations. Statistics count as independent: correlations of a few dozen simulations are mostly noise, and steps
+    /// by them wander.
     fn wanted(&self, derivatives: &DMatrix<f64>, given: &Model, lamps: &Lamps) -> (DVector<f64>, f64) {
         let n = derivatives.ncols();
         let all = n + self.lamps.len();

@@ -1,11 +1,11 @@
-//! A camera's maps as populations: that is what recordings are compared with.
+//! Maps of a camera as populations, which recordings are compared with.
 
 use crate::statistics::order::Spread;
 use crate::thresholds::MIN_TAIL_SKEW;
 use spikelane::effects::{Camera, Definition, Effect, bias_voltage, dark_current, dark_tail, prnu};
 use spikelane::error::Result;
 
-/// A camera whose maps give way to populations of their medians and spreads.
+/// Replaces the maps of a camera by populations with their medians and spreads.
 pub(super) fn reduced(mut camera: Camera) -> Result<Camera> {
     let maps = std::mem::take(&mut camera.maps);
     if let Some(gain) = &maps.gain {
@@ -29,7 +29,8 @@ fn own(camera: &Camera, effect: &'static Definition) -> Effect {
     camera.effect(effect.name).cloned().unwrap_or_else(|| effect.neutral())
 }
 
-/// Dark currents are Gaussian, or log-normal: a camera that has its tail in a map does not lack one.
+/// Replaces the map of dark currents by a normal or a log-normal population, so that a camera whose map has a tail does
+/// not lack one.
 fn with_dark(camera: Camera, dark: &[f64]) -> Result<Camera> {
     let spread = Spread::of(dark);
     let logarithms = Spread::of(&dark.iter().map(|d| d.ln()).collect::<Vec<f64>>());
@@ -49,7 +50,7 @@ fn with_dark(camera: Camera, dark: &[f64]) -> Result<Camera> {
         .with_value("mean", spread.median())?
         .with_value("sigma", spread.sd())?
         .with_value("negative", negative)?;
-    // What the file says of a tail beside its map is in the map.
+    // The map contains the tail of the camera file.
     Ok(camera.with_effect(effect).without_effect(dark_tail::EFFECT.name))
 }
 

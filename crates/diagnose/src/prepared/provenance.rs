@@ -1,4 +1,4 @@
-//! What a report says of the sets it is about.
+//! The recordings and the initial model that a report describes.
 
 use crate::prepared::base_model::{BaseModel, BaseParameter};
 use crate::prepared::recordings::{PreparedSet, Recordings};
@@ -6,51 +6,51 @@ use serde::Serialize;
 use spikelane::effects::Camera;
 use spikelane_calibrate::{RecordedCamera, Stimulus, StimulusPattern};
 
-/// A recording as it was judged.
+/// A compared recording.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct JudgedRecording {
-    /// Its file.
+    /// File name.
     pub file: String,
-    /// Its light, in words.
+    /// Description of the light.
     pub light: String,
-    /// Readouts that were looked at.
+    /// Number of compared readouts.
     pub readouts: usize,
-    /// Readouts before these.
+    /// Number of earlier readouts.
     pub first_readout: usize,
 }
 
-/// The sets, the camera and the numbers that a diagnosis began with.
+/// The sets, the camera and the parameters with which a diagnosis began.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Provenance {
-    /// The set's file.
+    /// File of the set.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub set_file: Option<String>,
     /// Description of the recorded camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recorded_camera: Option<RecordedCamera>,
-    /// What was typed.
+    /// Command line.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command: Option<String>,
-    /// When, in universal time.
+    /// Date in universal time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub date: Option<String>,
-    /// Pixels in a row.
+    /// Number of pixels in a row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Readouts per second.
     pub readout_hz: f64,
     /// The fitted recordings.
     pub recordings: Vec<JudgedRecording>,
-    /// What judged them: a second set, the second halves, or nothing.
+    /// The held-out recordings: a second set, the second halves, or none.
     pub held_out: String,
-    /// The model that it began with.
+    /// Initial model.
     pub camera: String,
     /// Seed of the simulations.
     pub seed: u64,
-    /// Its numbers.
+    /// Parameters of the initial model.
     pub base_parameters: Vec<BaseParameter>,
 }
 

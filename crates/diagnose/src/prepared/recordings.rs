@@ -12,7 +12,7 @@ use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane_calibrate::RecordingSet;
 
-/// A set that was read and measured.
+/// A measured set.
 pub(crate) struct PreparedSet {
     pub set: RecordingSet,
     pub setup: Setup,
@@ -80,7 +80,7 @@ impl PreparedSet {
         Ok(Self { set: set.clone(), setup, measured })
     }
 
-    /// Takes the light that the rates show for a sensor of `camera`, if it is another light. Returns whether it is.
+    /// Finds the light of the recordings from their rates for a sensor of `camera`. Returns whether it changed.
     pub(crate) fn find_light(&mut self, camera: &Camera, seed: u64) -> Result<bool> {
         let mut setup = self.setup.clone();
         let is_other = find_light(&mut setup, &self.measured.scans, camera, seed)?;
@@ -91,14 +91,15 @@ impl PreparedSet {
         Ok(is_other)
     }
 
-    /// Takes the light of recordings with sources as the sums of the sources.
+    /// Sets the light of recordings with sources to the sums of the sources.
     pub(crate) fn sum_sources(&mut self) {
         if sum_sources(&mut self.setup) {
             self.measured.values = statistics_vector(&self.setup, &self.measured.scans).values;
         }
     }
 
-    /// Takes the light of the `fitted` set. If this set has other lamps, finds their light for a sensor of `camera`.
+    /// Sets the light to that of the `fitted` set. If this set has other lamps, finds their light for a sensor of
+    /// `camera`.
     pub(crate) fn light_as(
         &mut self,
         fitted: &Setup,
@@ -118,7 +119,7 @@ impl PreparedSet {
         Ok(())
     }
 
-    /// Without some of its recordings.
+    /// Removes recordings.
     fn without(self, dropped: &[usize]) -> Self {
         let Self { mut set, setup, measured } = self;
         let kept = |k: &usize| !dropped.contains(k);

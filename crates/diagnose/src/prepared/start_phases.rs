@@ -1,22 +1,25 @@
-//! Where in their cycles the pixels were when a recording began.
+//! The phases of the pixels at the start of a recording.
 //!
-//! That is a property of the recording and not of the camera: pixels of a camera that was running are anywhere, those of a
-//! simulation may begin together. Until pixels of different rates have drifted apart, bursts of such a recording outweigh all
-//! of its noise, and no calibrated number is known well enough to place them. So these readouts are set aside.
+//! The phases are a property of the recording and not of the camera. The pixels of a running camera have random phases,
+//! and those of a simulation may begin together. Until pixels of different rates have drifted apart, the bursts of such
+//! a recording exceed all of its noise, and no calibrated parameter is precise enough to predict them. These readouts
+//! are excluded.
 
 use crate::recordings::scan::{PixelScan, Scan};
 use crate::recordings::setup::Setup;
 use crate::statistics::order::Spread;
 use crate::thresholds::{
-    MAX_ASIDE_DIVISOR, MAX_CHANCE_PHASE, MAX_DRIFT_PIXELS, MAX_PHASE_DRIFT_RATE, MAX_PHASE_RATE,
-    MIN_COMMON_PHASE, MIN_PHASE_PIXELS, SQUARE_WAVE_ASIDE,
+    MAX_ASIDE_DIVISOR, MAX_CHANCE_PHASE, MAX_DRIFT_PIXELS, MAX_PHASE_RATE, MIN_COMMON_PHASE,
+    MIN_PHASE_PIXELS, SQUARE_WAVE_ASIDE,
 };
+use spikelane_calibrate::unstable::SATURATION_RATE;
 
-/// First readouts of each recording in which pixels that began together still are; zeros where they did not.
+/// Returns the number of excluded readouts at the start of each recording, in which pixels that began together still
+/// fire together.
 pub(crate) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> {
     let scenes =
         || setup.recordings.iter().zip(scans).filter(|(s, _)| s.is_constant() && s.static_scene.is_none());
-    // Bright pixels fire before their phase can be told, but recordings of one set were begun in one way.
+    // The first spike of a bright pixel does not show its phase, but all recordings of a set begin in the same way.
     if setup.has_rate_maps || !scenes().any(|(_, scan)| began_together(scan)) {
         return vec![0; setup.recordings.len()];
     }
@@ -31,8 +34,9 @@ pub(crate) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> {
     scans.iter().enumerate().map(aside).collect()
 }
 
-/// The share of a threshold over which the charges lay when pixels began together; nothing where they did not. Pixels whose resets lose
-/// charge lock to the readouts and never drift apart: a model must begin as the recordings did, or all that they do together is left.
+/// Returns the range of the charges at the first readout in thresholds, or `None` if the pixels did not begin together.
+/// Pixels whose resets lose charge lock to the readouts and never drift apart, so a model must begin as the recordings
+/// did.
 pub(crate) fn begun_over(setup: &Setup, scans: &[Scan]) -> Option<f64> {
     let scenes =
         || setup.recordings.iter().zip(scans).filter(|(s, _)| s.is_constant() && s.static_scene.is_none());
@@ -46,28 +50,30 @@ pub(crate) fn begun_over(setup: &Setup, scans: &[Scan]) -> Option<f64> {
     Some((2.0 * median).clamp(0.0, 1.0))
 }
 
-/// Whether a pixel's first spike tells where it began.
+/// Returns whether the first spike of a pixel shows its phase.
 fn first_tells(p: &PixelScan) -> bool {
     p.count >= 3 && p.rate < MAX_PHASE_RATE
 }
 
-/// Its charge at the first readout, in thresholds: a spike falls anywhere in the readout that shows it.
+/// Returns the charge at the first readout in thresholds. A spike occurs at a uniformly distributed time in its
+/// readout.
 fn charge(p: &PixelScan) -> f64 {
     1.0 - p.rate * (f64::from(p.first) + 0.5)
 }
 
-/// Rates of the pixels that fire, but not at every readout: those that do never drift apart, and make no bursts.
+/// Returns the rates of the pixels that fire, but not at every readout. Saturated pixels never drift apart and cause no
+/// bursts.
 fn rates(scan: &Scan) -> Vec<f64> {
     let step = scan.pixels.len().div_ceil(MAX_DRIFT_PIXELS).max(1);
     scan.pixels
         .iter()
         .step_by(step)
-        .filter(|p| p.count >= 3 && p.rate < MAX_PHASE_DRIFT_RATE)
+        .filter(|p| p.count >= 3 && p.rate < SATURATION_RATE)
         .map(|p| p.rate)
         .collect()
 }
 
-/// Length of the mean of unit vectors at these parts of a turn.
+/// Returns the length of the mean of unit vectors at these phases in turns.
 fn mean_length(turns: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut n) = ([0.0; 2], 0.0);
     for turn in turns {
@@ -83,11 +89,12 @@ fn began_together(scan: &Scan) -> bool {
     dim().count() >= MIN_PHASE_PIXELS && mean_length(dim().map(charge)) > MIN_COMMON_PHASE
 }
 
-/// The readout from which on pixels of these rates that began together are apart, up to [`MAX_ASIDE_DIVISOR`].
+/// Returns the readout from which on pixels that began together have drifted apart, at most the length divided by
+/// [`MAX_ASIDE_DIVISOR`].
 fn apart(scan: &Scan, readouts: usize) -> usize {
     let rates = rates(scan);
     let most = readouts / MAX_ASIDE_DIVISOR;
-    let saturated = scan.pixels.iter().filter(|p| p.rate >= MAX_PHASE_DRIFT_RATE).count();
+    let saturated = scan.pixels.iter().filter(|p| p.rate >= SATURATION_RATE).count();
     if 2 * saturated > scan.pixels.len() {
         return 0;
     }
@@ -95,7 +102,7 @@ fn apart(scan: &Scan, readouts: usize) -> usize {
         return most;
     }
     let chance = MAX_CHANCE_PHASE / (rates.len() as f64).sqrt();
-    // Long cycles drift apart slowly: a sixteenth of one is near enough.
+    // Pixels with long cycles drift apart slowly, so a step of a sixteenth of a cycle is sufficient.
     let mean = rates.iter().sum::<f64>() / rates.len() as f64;
     let step = ((1.0 / (16.0 * mean)) as usize).max(1);
     let last = most.saturating_sub(1) / step * step;
@@ -103,7 +110,8 @@ fn apart(scan: &Scan, readouts: usize) -> usize {
         let of = |f: &f64| (std::f64::consts::TAU * (f * readouts as f64).fract()).sin_cos();
         rates.iter().map(of).map(|(sin, cos)| [cos, sin]).collect()
     };
-    // From the last readout back, each pixel by the turn of one step: a product instead of a sine and a cosine.
+    // The phases are turned back from the last readout by one step at a time, which needs a product instead of a sine
+    // and a cosine.
     let (back, mut at) = (turn(step), turn(last));
     for t in (0..most).step_by(step).rev() {
         let sum = at.iter().fold([0.0; 2], |sum: [f64; 2], z| [sum[0] + z[0], sum[1] + z[1]]);

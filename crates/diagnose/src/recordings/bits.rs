@@ -4,8 +4,9 @@
 
 use spikelane::error::Result;
 use spikelane::spikes::{Geometry, SpikeFramesRef};
-use spikelane::unstable::kernels::{BitOps, I16Lanes, Task, dispatch, dispatch_task};
+use spikelane::unstable::kernels::{BitOps, I16Lanes, Task, dispatch_task};
 use spikelane::unstable::{inputs, threads};
+use spikelane_measure::{Accumulator, MeasureOptions};
 
 /// Number of pixel ranges that are scanned in parallel. The number is fixed, because a sum of partial sums depends on
 /// the limits of the parts.
@@ -86,7 +87,7 @@ impl Task for TransposeTask<'_> {
 
 /// Returns the eight bytes at `at` as a little-endian word. Bytes after the end are zero.
 #[inline(always)]
-pub(crate) fn word_at(bytes: &[u8], at: usize) -> u64 {
+fn word_at(bytes: &[u8], at: usize) -> u64 {
     match bytes.get(at..).and_then(|rest| rest.first_chunk::<8>()) {
         Some(whole) => u64::from_le_bytes(*whole),
         None => {
@@ -141,37 +142,15 @@ pub(crate) fn coincidences(a: &[u64], b: &[u64]) -> [u64; 2] {
 }
 
 /// Returns the number of spikes of each readout, and the number of bits that differ between successive readouts.
-pub(crate) fn readout_totals(frames: SpikeFramesRef<'_>) -> [Vec<u32>; 2] {
-    dispatch(
-        #[inline(always)]
-        || {
-            let bytes = frames.geometry().frame_bytes();
-            let (mut totals, mut changes) = (vec![0; frames.readouts()], vec![0; frames.readouts()]);
-            // The first frame is compared with itself. Its change of zero is removed below.
-            let mut before = &frames.as_bytes()[..bytes.min(frames.as_bytes().len())];
-            let places = totals.iter_mut().zip(&mut changes);
-            for (frame, (total, change)) in frames.as_bytes().chunks_exact(bytes).zip(places) {
-                [*total, *change] = count_frame(before, frame);
-                before = frame;
-            }
-            changes.drain(..changes.len().min(1));
-            [totals, changes]
-        },
-    )
-}
-
-/// Returns the number of spikes in `frame`, and the number of bits that differ from `before`.
-#[inline(always)]
-fn count_frame(before: &[u8], frame: &[u8]) -> [u32; 2] {
-    let (a, b) = (before.as_chunks::<8>().0, frame.as_chunks::<8>().0);
-    let (mut total, mut change) = (0, 0);
-    for (a, b) in a.iter().zip(b) {
-        let (a, b) = (u64::from_le_bytes(*a), u64::from_le_bytes(*b));
-        total += u64::from(b.count_ones());
-        change += u64::from((a ^ b).count_ones());
-    }
-    let (a, b) = (word_at(before, 8 * a.len()), word_at(frame, 8 * b.len()));
-    [total as u32 + b.count_ones(), change as u32 + (a ^ b).count_ones()]
+///
+/// # Errors
+/// Those of [`Accumulator::push`].
+pub(crate) fn readout_totals(frames: SpikeFramesRef<'_>) -> Result<[Vec<u32>; 2]> {
+    let options =
+        MeasureOptions::frames_only().with_line_covariances(false).with_series_readouts(frames.readouts());
+    let mut accumulator = Accumulator::new(frames.geometry(), &options)?;
+    accumulator.push(frames)?;
+    Ok(accumulator.finish().frames.map_or_else(Default::default, |f| [f.totals, f.distances]))
 }
 
 #[cfg(test)]

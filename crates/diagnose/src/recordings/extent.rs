@@ -1,18 +1,8 @@
 //! Selection of the readouts that are judged.
 
+use crate::thresholds::{MAX_PIXEL_READOUTS, MIN_JUDGED_HALF_PERIODS, MIN_JUDGED_READOUTS};
 use spikelane::spikes::Geometry;
 use spikelane_calibrate::{Stimulus, StimulusPattern};
-
-/// Largest number of pixel-readouts that are judged per recording. Named effects are far stronger than the noise of so
-/// many. The time of a simulation is proportional to their number.
-const MAX_PIXEL_READOUTS: usize = 35_000_000;
-
-/// Smallest number of judged readouts of a long recording, however large its frames are. The low frequency bands of the
-/// spectra require it.
-const MIN_JUDGED_READOUTS: usize = 1250;
-
-/// Smallest number of judged half periods of a square wave.
-const MIN_HALF_PERIODS: usize = 5;
 
 /// The readouts of large recordings that are judged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,7 +20,7 @@ impl ReadoutSelection {
     pub(crate) fn max_readouts(self, geometry: Geometry, light: Stimulus) -> usize {
         let min_readouts = match light {
             Stimulus::Scene(StimulusPattern::Square { half_period, .. }) => {
-                MIN_HALF_PERIODS * half_period as usize
+                MIN_JUDGED_HALF_PERIODS * half_period as usize
             }
             _ => MIN_JUDGED_READOUTS,
         };

@@ -150,7 +150,7 @@ mod tests {
         let geometry = Geometry::new(13, 11).unwrap();
         let bytes = recording(geometry);
         let frames = SpikeFramesRef::new(geometry, &bytes).unwrap();
-        let [found, changes] = readout_totals(frames);
+        let [found, changes] = readout_totals(frames).unwrap();
         let on = |t: usize, p: usize| bit(frames.frame(t).as_bytes(), p);
         let bits = PixelBits::new(frames).unwrap();
         for t in 0..700 {

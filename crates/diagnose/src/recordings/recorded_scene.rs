@@ -3,7 +3,9 @@
 use std::hash::{Hash as _, Hasher};
 
 use crate::recordings::scan::{PixelScan, Scan, ScanOptions, scan};
-use crate::recordings::stretches::STEADY_READOUTS;
+use crate::thresholds::{
+    COMPARED_RATES, MAX_INTERVAL_RATE, MIN_RESPONSE_HALF_PERIOD, MIN_UNIFORM_PIXELS, SURFACE_RADIUS,
+};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::inputs;
@@ -11,18 +13,6 @@ use spikelane_calibrate::unstable::Sources;
 use spikelane_calibrate::{Stimulus, StimulusPattern};
 use spikelane_io::formats::StreamReader;
 use spikelane_measure::select_uniform;
-
-/// Largest rate at which all intervals are measured.
-const MAX_INTERVAL_RATE: f64 = 0.25;
-
-/// Shortest half period, in readouts, whose response to steps is measured: at least 40 readouts are steady.
-const MIN_HALF_PERIOD: usize = STEADY_READOUTS + 40;
-
-/// Radius of the neighborhood, in pixels, whose mean rate is the rate of the scene.
-const SURFACE_RADIUS: usize = 2;
-
-/// Smallest number of uniform, static pixels.
-const MIN_UNIFORM_PIXELS: usize = 500;
 
 /// The protocol of one recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,7 +94,7 @@ impl RecordedScene {
     /// Returns the half period of a square wave in readouts, if it is long enough for the response to a step.
     pub(crate) fn half_period(&self) -> Option<usize> {
         let Stimulus::Scene(StimulusPattern::Square { half_period, .. }) = self.light else { return None };
-        Some(half_period as usize).filter(|h| *h >= MIN_HALF_PERIOD)
+        Some(half_period as usize).filter(|h| *h >= MIN_RESPONSE_HALF_PERIOD)
     }
 
     /// Returns the quantities that are measured in the recording.
@@ -116,10 +106,6 @@ impl RecordedScene {
         }
     }
 }
-
-/// Rates of the compared pixels, in spikes per readout. Slower pixels have too few intervals, and faster pixels have too few
-/// readouts per interval.
-const COMPARED_RATES: std::ops::Range<f64> = 0.05..0.45;
 
 /// A static scene under unknown light, as the rates of a recording show it.
 #[derive(Clone, Debug, PartialEq)]

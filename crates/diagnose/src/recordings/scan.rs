@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use crate::recordings::bits::{BAND_COUNT, PixelBits, count_between, count_blocks, readout_totals};
 use crate::recordings::joint::{neighbors, row_halves};
-use crate::recordings::stretches::{SETTLED_READOUTS, Stretch, find_stretches};
+use crate::recordings::stretches::{Stretch, find_stretches};
+use crate::thresholds::SETTLED_READOUTS;
 use spikelane::error::Result;
 use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::kernels::{BitOps, I16Lanes, MAX_SPIKES, OVERRUN, Positions, Task, dispatch_task};
@@ -42,7 +43,7 @@ pub(crate) struct PixelScan {
     pub terms: [f64; PHASE_LAGS.len()],
     /// Sums of the products of the deviations of intervals at distance 1 and 2, in thresholds squared.
     pub covariance: [f64; 2],
-    /// Number of spikes from [`SETTLED_READOUTS`](crate::recordings::stretches::SETTLED_READOUTS) after each fall of the light to
+    /// Number of spikes from [`SETTLED_READOUTS`](crate::thresholds::SETTLED_READOUTS) after each fall of the light to
     /// the next rise.
     pub after_falls: u32,
     /// Number of intervals shorter than the lattice of the pixel, and number of longer intervals.
@@ -115,7 +116,7 @@ pub(crate) fn scan_bits(frames: SpikeFramesRef<'_>, bits: &PixelBits, options: S
     // A scan contains each pixel twice, in its band and in the joined list, and four maps.
     let per_pixel = 2 * size_of::<PixelScan>() + 4 * size_of::<f64>();
     inputs::check_memory(format_args!("scan of {geometry} pixels"), per_pixel * geometry.pixels())?;
-    let [totals, changes] = readout_totals(frames);
+    let [totals, changes] = readout_totals(frames)?;
     let stretches = options.half_period.map_or_else(Vec::new, |half| find_stretches(&totals, half));
     let dark: Vec<_> = dark_windows(&stretches).collect();
     let n = geometry.pixels();

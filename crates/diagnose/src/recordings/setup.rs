@@ -2,20 +2,11 @@
 
 use crate::recordings::extent::{ReadoutSelection, RecordingPart, select_readouts};
 use crate::recordings::recorded_scene::{RecordedScene, StaticScene};
-use crate::statistics::spectrum::MIN_PERIODS;
+use crate::thresholds::{MAX_STATIC_PIXELS, MIN_PERIODS, MIN_READOUTS};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs;
-use spikelane_calibrate::{Recording, RecordingSet, Stimulus, StimulusPattern};
-
-/// Smallest number of readouts of a recording.
-const MIN_READOUTS: usize = 256;
-
-/// Largest number of simulated pixels of a static scene. 20,000 pixels determine the temporal noise to 1 %.
-pub(crate) const MAX_STATIC_PIXELS: usize = 20_000;
-
-/// Relative standard deviation of the light of a recording if neither the recording nor the set states one.
-pub(crate) const DEFAULT_LIGHT_UNCERTAINTY: f64 = 0.01;
+use spikelane_calibrate::{DEFAULT_LIGHT_UNCERTAINTY, Recording, RecordingSet, Stimulus, StimulusPattern};
 
 /// Returns the error of a recording with too few readouts.
 fn too_short(file: &str, readouts: usize, part: RecordingPart) -> Error {

@@ -4,23 +4,7 @@
 //! The steps therefore deviate from the protocol. With the times of the protocol, one lost readout would change every
 //! later statistic.
 
-/// Number of readouts after a step from which the response serves as the steady reference. It is twice the largest time
-/// constant with which image lag is tried (150), and the end of the last window after a step.
-pub(crate) const STEADY_READOUTS: usize = 300;
-
-/// Number of excluded readouts after a fall, because the first interval contains charge of the brighter light.
-pub(crate) const SETTLED_READOUTS: usize = 20;
-
-/// Shortest stretch whose response is measured, in readouts: at least 20 readouts are steady.
-const MIN_STRETCH_READOUTS: usize = STEADY_READOUTS + 20;
-
-/// Number of successive readouts on the other side of the middle that make a step.
-const MIN_AGREEING_READOUTS: usize = 4;
-
-/// Smallest difference between both lights in standard deviations of a Poisson count. Lights with a smaller difference
-/// have no detectable steps.
-const MIN_STEP_SDS: f64 = 6.0;
-
+use crate::thresholds::{MIN_AGREEING_READOUTS, MIN_STEP_SDS, MIN_STRETCH_READOUTS};
 /// The readouts between two steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Stretch {

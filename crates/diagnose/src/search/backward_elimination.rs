@@ -1,4 +1,5 @@
-//! What the loop added, looked at again when everything is known: is it needed, and is it the right name.
+//! Backward elimination: tests whether each added effect is necessary, and whether another effect fits better in its
+//! place.
 
 use std::ops::Range;
 
@@ -19,7 +20,8 @@ use spikelane::error::Result;
 use spikelane::unstable::threads;
 
 impl Search<'_> {
-    /// Looks at every name again until nothing moves: what came after a wrong name may be a likeness of what that one left.
+    /// Eliminates and replaces effects until nothing changes. An effect that was added after a wrong one may only
+    /// describe what the wrong one left.
     pub(crate) fn eliminate_backward(&self, at: &mut TestedFit, rounds: &mut [Round]) -> Result<()> {
         self.eliminate(at, rounds)?;
         for _ in 0..MAX_SWAPS {
@@ -34,8 +36,9 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Drops effects that the data do without: those whose amplitude is within three deviations of none, and those that another one can
-    /// stand in for. The likeness that came first may have left the right name a part only, and steps along their valley are short.
+    /// Removes unnecessary effects: those whose amplitude is within three standard deviations of zero, and those that
+    /// another effect can replace. If a similar effect was added first, the right effect explains only a part, and a
+    /// fit along the two nearly parallel directions takes short steps.
     fn eliminate(&self, at: &mut TestedFit, rounds: &mut [Round]) -> Result<()> {
         while at.fit.effects.len() > 1 {
             let Some((place, without)) = self.dispensable(at)? else { break };
@@ -48,7 +51,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// The weakest effect without which the data are as likely, and the model without it.
+    /// Returns the weakest effect without which the data are equally likely, and the model without it.
     fn dispensable(&self, at: &TestedFit) -> Result<Option<(usize, TestedFit)>> {
         let Fitter { reference, data } = &self.fitter;
         let (fit, own) = (&at.fit, &at.own);
@@ -64,14 +67,14 @@ impl Search<'_> {
             }
             let mut without = self.refitted_without(fit, place, &own.metric)?;
             let costlier = self.fitter.priced(without.clone()).cost() - cost;
-            // Where an interval holds zero, what was fitted is no evidence, whatever it gains.
+            // If the interval of the amplitude contains zero, the fitted data are no evidence, regardless of the gain.
             let weak = strength(place) < 2.0 && !self.shown(at, &without, costlier)?;
             if !weak && costlier >= worth {
                 continue;
             }
             let own = self.fitter.self_consistency(&mut without)?;
             let without = self.judged(without, own)?;
-            // Beside a strong effect little is evidence, unless it is all that was left.
+            // Beside a strong effect, a small gain is no evidence, unless the effect explains all that remains.
             if weak || costlier < MIN_ELIMINATION_COST || at.left || !without.left {
                 return Ok(Some((place, without)));
             }
@@ -79,15 +82,17 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// Whether other data than what was fitted tell the model from `other` too, of which the fitted data gained `gained`. An interval may
-    /// hold zero because numbers stand in for each other, or because a probability moves the noise more than the mean: a lag's share
-    /// of 1.7 deviations and a loss of readouts of 1.1 gained 156 and 8,527 here, and 157 and 8,360 there.
+    /// Returns whether the held-out set also distinguishes the model from `other`. In the fitted set, the model gained
+    /// `gained`. The interval of an amplitude may contain zero because parameters replace each other, or because a
+    /// probability changes the noise more than the mean. Measured: a lag with an amplitude of 1.7 standard deviations
+    /// gained 156 in the fitted set and 157 in the held-out set. A loss of readouts with 1.1 gained 8,527 and 8,360.
     fn shown(&self, at: &TestedFit, other: &Fit, gained: f64) -> Result<bool> {
         Ok(self.recordings.held_out.is_any()
             && self.deviance(other)? - at.deviance() >= gained * MIN_HELD_OUT_GAIN_SHARE)
     }
 
-    /// The likelier of two fits without an effect: from where the other numbers were, and from where it would take them.
+    /// Returns the more likely of two fits without an effect. One starts at the present parameters. The other starts
+    /// where the parameters would take over the part of the effect.
     fn refitted_without(&self, fit: &Fit, place: usize, metric: &Metric) -> Result<Fit> {
         let starts = [fit.without(place), fit.without_and_moved(place, metric)];
         let refit = |start: Fit| -> Result<Fit> {
@@ -100,8 +105,9 @@ impl Search<'_> {
         Ok(if moved.cost < stayed.cost { moved } else { stayed })
     }
 
-    /// Tries other names in the place of each accepted one, now that the others are known, and takes the first that is better. Where
-    /// none is, those that are as likely are ties. Whether a name was exchanged.
+    /// Tries other effects in place of each accepted one, now that the other effects are known, and takes the first
+    /// that is better. If none is better, effects that are equally likely are ties. Returns whether an effect was
+    /// replaced.
     fn swap(&self, at: &mut TestedFit, rounds: &mut [Round]) -> Result<bool> {
         let [_, some] = draws_of_elimination(&at.fit);
         let mut with = at.fit.clone();
@@ -109,7 +115,7 @@ impl Search<'_> {
         let with = self.fitter.priced(with);
         let mut ties = Vec::new();
         for (place, (effect, _)) in at.fit.effects.iter().enumerate() {
-            // Nothing else makes readouts that are lost or written twice.
+            // No other effect loses or repeats whole readouts.
             if at.fit.located.demand(effect) {
                 continue;
             }
@@ -134,7 +140,7 @@ impl Search<'_> {
         Ok(false)
     }
 
-    /// The model with `best`, of which the last name came in the place of what was kept in `round`.
+    /// Returns the tested model `best`, whose last effect replaced the winner of `round`.
     fn exchanged(
         &self,
         at: &TestedFit,
@@ -156,7 +162,8 @@ impl Search<'_> {
         Ok(next)
     }
 
-    /// The model with other names in `place` that come near it with the one there, `with`, in the order of their prices.
+    /// Returns models with another effect in `place` that are nearly as likely as `with`, which has the present effect.
+    /// The most likely is first.
     fn other_names(&self, at: &TestedFit, with: &ScoredFit, place: usize) -> Result<Vec<ScoredFit>> {
         let (fitter, fit) = (&self.fitter, &at.fit);
         let all: Vec<&Signature> = self.signatures.iter().collect();
@@ -179,7 +186,8 @@ impl Search<'_> {
         };
         let fits = threads::try_map(&others, enter)?;
         let fits: Vec<ScoredFit> = fits.into_iter().flatten().collect();
-        // Fewer simulations shrink a model's own noise toward the null's, which makes it dearer by as much as that noise is apart.
+        // With few simulations, the noise of a model is shrunk toward that of the null model. This raises the cost by
+        // the difference of both noises.
         let drawn = MAX_SIMULATION_COST + with.fit.noise_of_its_own().max(0.0);
         let front = fits.iter().map(|f| f.price).fold(with.price, f64::min) + drawn;
         let near: Vec<Fit> = fits.into_iter().filter(|f| f.price <= front).map(|f| f.fit).collect();
@@ -189,18 +197,19 @@ impl Search<'_> {
     }
 }
 
-/// Simulations of a mean in both legs.
+/// Returns the numbers of simulations of a mean in both legs.
 fn draws_of_elimination(fit: &Fit) -> [usize; 2] {
     if fit.is_noisy() { NOISY_SIMULATIONS } else { fit.draws() }
 }
 
-/// The metric of a fit without one of its effects. What that effect explains is free in the fit's own, so a name that could stand in
-/// its place would promise nothing there: beside `image_lag`, `crosstalk` in the place of `spike_coupling` 12 of 50,000.
+/// Returns the metric of a fit without one of its effects. In the metric of the fit itself, the direction of this
+/// effect is free, so an effect that could replace it would promise nothing. Measured: beside `image_lag`, `crosstalk`
+/// in place of `spike_coupling` promised 12 of 50,000.
 fn without_effect(metric: &Metric, fit: &Fit, effect: usize) -> Metric {
     without_directions(metric, fit.knobs_of(effect), fit.known())
 }
 
-/// `known`: what is known beforehand of all positions.
+/// `known` is the prior information about all positions.
 fn without_directions(metric: &Metric, gone: Range<usize>, mut known: Vec<f64>) -> Metric {
     known.drain(gone.clone());
     Metric::new(&metric.noise, metric.directions.clone().remove_columns(gone.start, gone.len()))
@@ -208,9 +217,10 @@ fn without_directions(metric: &Metric, gone: Range<usize>, mut known: Vec<f64>) 
 }
 
 impl Search<'_> {
-    /// Marks names of which less was fitted than the smallest strength that this set can name, and that tie with no other: what
-    /// strong effects leave has many shapes, of which a weak name may take some. A `leak` of half that strength came with a wrong
-    /// name and stayed when that one was exchanged; of some hundred other names beside others that nothing tied none was as weak.
+    /// Marks effects that are weaker than the smallest detectable strength and have no ties. What strong effects leave
+    /// has many shapes, and a weak effect may take some of it. Measured: a `leak` of half the detectable strength was
+    /// added with a wrong effect, and stayed when the wrong one was replaced. Of about a hundred right effects beside
+    /// others, none without ties was as weak.
     pub(crate) fn mark_faint(&self, at: &TestedFit, rounds: &mut [Round]) {
         for (i, (effect, _)) in at.fit.effects.iter().enumerate() {
             let Some(round) = kept_mut(rounds, effect.name) else { continue };

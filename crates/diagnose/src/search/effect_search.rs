@@ -1,7 +1,6 @@
-//! The loop: is anything left, what explains it best, does it hold on other recordings.
+//! The search: adds effects as long as a significant discrepancy remains and held-out recordings confirm them.
 
 use crate::fits::fit::Fit;
-use crate::fits::self_consistency::SelfConsistency;
 use crate::null_model::signature::Signature;
 use crate::search::round::{EliminationReason, Round, Undecided};
 use crate::search::state::{Search, TestedFit};
@@ -11,36 +10,43 @@ use crate::thresholds::{
     COMPLETE_REMAINDER, MAX_EFFECTS, MAX_REJECTED, MAX_STATIC_EFFECTS, MIN_EXPLAINED_EXCESS,
     MIN_HELD_OUT_GAIN, REMAINDER_SHARE,
 };
-use nalgebra::DVector;
 use spikelane::error::Result;
 use spikelane_calibrate::ProgressCallback;
 
-/// Shares of a diagnosis that are done where a search begins, and where it looks at its names again.
+/// Shares of the diagnosis that are complete when a search begins, and when backward elimination begins.
 const BEGIN: f64 = 0.8;
 const AGAIN: f64 = 0.9;
 
 /// The step before any effect is added.
 const NOTHING_ADDED: &str = "nothing added";
 
-/// The search's end.
+/// The result of a search.
 pub(crate) struct SearchResult {
-    pub fit: Fit,
+    /// The final model.
+    pub last: TestedFit,
     pub rounds: Vec<Round>,
-    /// Gap on both sets after each accepted effect, the first without any, and what was done before.
-    pub train: Vec<f64>,
-    pub heldout: Vec<f64>,
-    pub steps: Vec<String>,
-    pub own: SelfConsistency,
-    /// What the held-out set is off.
-    pub off: DVector<f64>,
-    /// Whether anything is left above its limit.
-    pub left: bool,
+    /// The steps from the base model to the final model. The first step adds nothing.
+    pub steps: Vec<SearchStep>,
     /// Questions that the time limit left open.
     pub undecided: Vec<Undecided>,
 }
 
+impl SearchResult {
+    /// Returns the discrepancies after each step: of the fitted set for `set` 0, of the held-out set for 1.
+    pub(crate) fn discrepancies(&self, set: usize) -> Vec<f64> {
+        self.steps.iter().map(|step| step.discrepancies[set]).collect()
+    }
+}
+
+/// A step of a search, with the discrepancies of the fitted and of the held-out set after it.
+pub(crate) struct SearchStep {
+    pub label: String,
+    pub discrepancies: [f64; 2],
+}
+
 impl Search<'_> {
-    /// `next`, which has one effect more, where the held-out set bears it out.
+    /// Returns the tested model `next`, which has one more effect than `before`, if the held-out set confirms the
+    /// effect.
     fn accepted(&self, before: &TestedFit, mut next: Fit) -> Result<Option<TestedFit>> {
         let evidence = Evidence {
             before: before.deviance(),
@@ -48,7 +54,7 @@ impl Search<'_> {
             whole: before.fit.length_of(&(&self.held_out_data - &self.fitter.reference.mean)),
             others: before.fit.effects.len(),
         };
-        // What was fitted is also made likelier by a model that strays more, of which it need not come nearer.
+        // A model with more noise also makes the fitted set more likely, without being nearer to it.
         if evidence.beyond() <= 0.0 || !(self.recordings.held_out.is_any() || next.misfit < before.fit.misfit)
         {
             return Ok(None);
@@ -78,45 +84,40 @@ impl Search<'_> {
         Ok(Some(self.ended(self.base()?, Vec::new())))
     }
 
-    /// The end of a search that adds nothing.
-    fn ended(&self, at: TestedFit, undecided: Vec<Undecided>) -> SearchResult {
-        let [fitted, held_out] = self.gaps(&at);
-        let TestedFit { fit, own, off, left, .. } = at;
-        SearchResult {
-            fit,
-            rounds: Vec::new(),
-            train: vec![fitted],
-            heldout: vec![held_out],
-            steps: vec![NOTHING_ADDED.to_owned()],
-            own,
-            off,
-            left,
-            undecided,
-        }
+    /// The result of a search that adds nothing.
+    fn ended(&self, last: TestedFit, undecided: Vec<Undecided>) -> SearchResult {
+        let steps = vec![self.search_step(NOTHING_ADDED, &last)];
+        SearchResult { last, rounds: Vec::new(), steps, undecided }
+    }
+
+    /// Returns the step `label`, which ends at the model `at`.
+    pub(crate) fn search_step(&self, label: &str, at: &TestedFit) -> SearchStep {
+        SearchStep { label: label.to_owned(), discrepancies: self.gaps(at) }
     }
 }
 
-/// What the held-out set says of a further effect, or of another value of a number.
+/// The evidence of the held-out set for a further effect, or for another value of a parameter.
 pub(super) struct Evidence {
-    /// Its deviance without the effect and with it.
+    /// Deviance without and with the effect.
     pub before: f64,
     pub after: f64,
-    /// Its squared distance from the base model.
+    /// Squared distance from the base model.
     pub whole: f64,
-    /// Effects and numbers that are there already.
+    /// Number of other effects and parameters of the model.
     pub others: usize,
 }
 
 impl Evidence {
-    /// By how much the deviance falls further than by chance and by what any name takes.
+    /// Returns the fall of the deviance beyond the fall by chance and beyond the part that any effect explains.
     pub(super) fn beyond(&self) -> f64 {
         let share = 0.02 * self.before.clamp(0.0, 1e4) / (1.0 + self.others as f64);
         self.before - self.after - MIN_HELD_OUT_GAIN - share
     }
 
-    /// Whether that is more than a remainder of what is there already; `left` tells whether anything is left of the fitted set. The
-    /// other one may show more: `supply_droop` beside `adaptation` took its deviance from 5,741 to 1,152, left nothing of the fitted
-    /// set, and one statistic at 6.5 deviations there.
+    /// Returns whether the fall exceeds a remainder of the other effects. `left` states whether the fitted set still
+    /// exceeds a limit. The held-out set may exceed one: `supply_droop` beside `adaptation` reduced its deviance from
+    /// 5,741 to 1,152. The fitted set then exceeded no limit, and one statistic of the held-out set deviated by 6.5
+    /// standard deviations.
     fn suffices(&self, left: bool) -> bool {
         self.beyond() > REMAINDER_SHARE * self.whole || self.after < COMPLETE_REMAINDER * self.before || !left
     }
@@ -126,14 +127,7 @@ impl Search<'_> {
     /// Adds effects as long as something is left and held-out recordings confirm them, then eliminates unnecessary effects.
     pub(crate) fn add_effects(&self, progress: ProgressCallback<'_>) -> Result<SearchResult> {
         let mut at = self.base()?;
-        let (mut train, mut heldout, mut steps) = (Vec::new(), Vec::new(), Vec::new());
-        let mut gap = |step: String, at: &TestedFit| {
-            let [fitted, held_out] = self.gaps(at);
-            train.push(fitted);
-            heldout.push(held_out);
-            steps.push(step);
-        };
-        gap(NOTHING_ADDED.to_owned(), &at);
+        let mut steps = vec![self.search_step(NOTHING_ADDED, &at)];
         let mut rounds: Vec<Round> = Vec::new();
         let mut turned_down: Vec<&'static str> = Vec::new();
         let mut undecided = Vec::new();
@@ -160,7 +154,7 @@ impl Search<'_> {
                 rounds.push(round);
                 continue;
             };
-            gap(format!("with {}", round.winner), &next);
+            steps.push(self.search_step(&format!("with {}", round.winner), &next));
             let share = round.share;
             let step = self.step(&at, &next);
             rounds.push(Round {
@@ -171,7 +165,7 @@ impl Search<'_> {
             });
             at = next;
             if share < MIN_EXPLAINED_EXCESS {
-                // What is there is something else; more names would be more likenesses.
+                // The remaining discrepancy has another cause. Further effects would only resemble it.
                 break;
             }
         }
@@ -184,11 +178,10 @@ impl Search<'_> {
                 undecided.push(Undecided::NecessityOfEffects);
             }
             if at.fit.effects != kept {
-                gap("after removal and swaps".to_owned(), &at);
+                steps.push(self.search_step("after removal and swaps", &at));
             }
         }
-        let TestedFit { fit, own, off, left, .. } = at;
-        Ok(SearchResult { fit, rounds, train, heldout, steps, own, off, left, undecided })
+        Ok(SearchResult { last: at, rounds, steps, undecided })
     }
 }
 

@@ -1,15 +1,16 @@
-//! The last steps of a fit whose base numbers lie far from where they were calibrated.
+//! The last steps of a fit whose base parameters are far from their calibrated values.
 //!
-//! A camera's own numbers are corrected before any effect is known and take over what they can of it: a threshold noise of 6.4 mV beside
-//! a row noise of 6 mV began at 9.2 mV. What a base number moves is known at that place only, so a step goes three quarters of the way,
-//! and a cost that is free along the base model's numbers does not ask for the next one. Left there, the two were said to be 6.6 and
-//! 5.7 mV, each three deviations off.
+//! The parameters of a camera are fitted before any effect is known, so they take over a part of the effects. Measured:
+//! a threshold noise of 6.4 mV beside a row noise of 6 mV began at 9.2 mV. The derivatives by the base parameters hold
+//! at that place only, so one step covers three quarters of the distance. The cost does not depend on the base
+//! parameters and requests no further step. Without further steps, the two parameters were 6.6 and 5.7 mV, three
+//! standard deviations from the truth each.
 
 use crate::fits::fit::Fit;
 use crate::null_model::metric::Bound;
 use crate::search::effect_search::SearchResult;
 use crate::search::round::Undecided;
-use crate::search::state::Search;
+use crate::search::state::{Search, TestedFit};
 use crate::sensors::deadline::in_time;
 use crate::thresholds::{
     CALIBRATION_INFORMATION, MAX_FINAL_BASE_STEP, MAX_FINAL_STEPS, MEAN_SIMULATIONS, MIN_FINAL_STEP,
@@ -35,32 +36,32 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// Takes the last steps, where some are asked for; `given` is the camera that the base model came from.
+    /// Takes the last steps, if they are large enough. `given` is the camera from which the base model came.
     fn end(&self, found: &mut SearchResult, given: &Camera) -> Result<()> {
         let places = self.fitter.reference.model.places_in(given);
-        // Beside noise as strong as that, what a base number moves is another change altogether; a still scene or maps tell too few apart.
+        // If the effects add strong noise, the derivatives by the base parameters differ from those of the base model.
+        // A static scene and rate maps distinguish too few parameters.
         let setup = &self.fitter.reference.setup;
-        if found.fit.effects.is_empty() || found.fit.is_noisy() || setup.only_still() || setup.has_rate_maps {
+        let fit = &found.last.fit;
+        if fit.effects.is_empty() || fit.is_noisy() || setup.only_still() || setup.has_rate_maps {
             return Ok(());
         }
-        let Some(mut fit) = self.onward(found, &places)? else { return Ok(()) };
+        let Some(mut fit) = self.onward(&found.last, &places)? else { return Ok(()) };
         let own = self.fitter.self_consistency(&mut fit)?;
         let next = self.judged(fit, own)?;
-        let [train, heldout] = self.gaps(&next);
-        let before = found.heldout.last().copied().unwrap_or_default();
-        // Where more is left than before, what asked for the steps is no number of the base model.
-        if next.left && !found.left || heldout > before + 2.0 * next.own.floor_sd {
+        let step = self.search_step("with the base model's numbers fitted further", &next);
+        let before = found.steps.last().map_or(0.0, |step| step.discrepancies[1]);
+        // If more remains than before, the cause of the steps is not a base parameter.
+        if next.left && !found.last.left || step.discrepancies[1] > before + 2.0 * next.own.floor_sd {
             return Ok(());
         }
-        found.train.push(train);
-        found.heldout.push(heldout);
-        found.steps.push("with the base model's numbers fitted further".to_owned());
-        (found.fit, found.own, found.off, found.left) = (next.fit, next.own, next.off, next.left);
+        found.steps.push(step);
+        found.last = next;
         Ok(())
     }
 
-    /// As many steps as each ask for less than the one before, where the first asks for enough.
-    fn onward(&self, found: &SearchResult, places: &[f64]) -> Result<Option<Fit>> {
+    /// Returns the fit after steps that decrease from one to the next, or `None` if the first step is small.
+    fn onward(&self, found: &TestedFit, places: &[f64]) -> Result<Option<Fit>> {
         let wanted =
             |fit: &Fit| found.own.metric.bounded(&(&self.fitter.data - &fit.mean), &bounds(fit, places));
         let mut at = None;
@@ -83,15 +84,15 @@ impl Search<'_> {
     }
 }
 
-/// A step by the largest of its numbers, in deviations.
+/// Returns the largest component of a step, in standard deviations.
 fn length(step: &DVector<f64>, deviations: &[f64]) -> f64 {
     step.iter().zip(deviations).map(|(s, d)| (s / d).abs()).fold(0.0, f64::max)
 }
 
-/// How far each number may move, the base model's drawn to where the camera has them.
+/// Returns the bounds of each parameter. The prior of a base parameter is centered at its value in the camera.
 ///
-/// A number that gave way to a missing effect is small by now: a strength of the light's noise of 0.1 for 1. In shares of that it would be
-/// held where it is.
+/// The bounds of a base parameter are relative to its value in the camera, because a missing effect may have made the
+/// parameter small: a strength of shot noise of 0.1 instead of 1 could hardly move relative to 0.1.
 fn bounds(fit: &Fit, places: &[f64]) -> Vec<Bound> {
     let mut bounds = fit.bounds();
     for (j, place) in places.iter().enumerate() {

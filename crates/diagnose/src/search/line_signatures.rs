@@ -1,15 +1,16 @@
-//! Signatures of swinging light at the frequency that a set shows.
+//! Signatures of oscillating light at the frequency that the recordings show.
 
 use crate::null_model::model::NullModel;
 use crate::null_model::signature::Signature;
 use crate::sensors::catalog::Candidate;
 use crate::statistics::measured_set::MeasuredSet;
 use crate::statistics::spectrum::{line, power, refine_line};
-use crate::thresholds::MIN_LINE_POWER;
+use crate::thresholds::{MIN_LINE_LIGHT, MIN_LINE_POWER};
 use spikelane::effects::Definition;
 use spikelane::error::Result;
 
-/// The signatures, with those of swinging light at the frequency that the frame totals show.
+/// Returns the signatures of the null model. Those of oscillating light have the frequency of the strongest line in the
+/// frame totals.
 ///
 /// The statistics of static scenes do not contain the totals, because the scene also changes them. An oscillation would only
 /// replace other noise there, so it is not a candidate: a line in the totals is a fault of the light.
@@ -22,7 +23,7 @@ pub(crate) fn with_line(reference: &NullModel, measured: &MeasuredSet) -> Result
     let mut best = (0.0, MIN_LINE_POWER);
     let mut bright: Vec<&[u32]> = Vec::new();
     for (scene, scan) in setup.recordings.iter().zip(&measured.scans) {
-        if scene.is_constant() && scene.brightness() >= 0.2 {
+        if scene.is_constant() && scene.brightness() >= MIN_LINE_LIGHT {
             let found = line(&power(&scan.totals), scan.totals.len());
             best = if found.1 > best.1 { found } else { best };
             bright.push(&scan.totals);
@@ -32,7 +33,7 @@ pub(crate) fn with_line(reference: &NullModel, measured: &MeasuredSet) -> Result
         return Ok(signatures);
     }
     let frequency = refine_line(&bright, best.0);
-    // One at the line stands for those at the frequencies that a strength is judged by.
+    // One signature at the frequency of the line replaces those at the frequencies that determine detectability.
     let mut kept: Vec<&Definition> = Vec::new();
     signatures.retain(|s| {
         let (effect, again) = (s.candidate.effect, kept.contains(&s.candidate.effect));
@@ -45,7 +46,7 @@ pub(crate) fn with_line(reference: &NullModel, measured: &MeasuredSet) -> Result
         for (knob, at) in candidate.knobs.iter_mut().zip(&mut candidate.at) {
             if knob.key == line {
                 knob.center = frequency * setup.readout_hz;
-                // A third of the line's width: what the sharpened line leaves open.
+                // A third of the width of the line remains uncertain after its refinement.
                 let bin = 0.3 / (frequency * setup.recordings[0].readouts as f64);
                 knob.range = (knob.center * (1.0 - bin), knob.center * (1.0 + bin));
                 *at = 0.0;
@@ -56,7 +57,7 @@ pub(crate) fn with_line(reference: &NullModel, measured: &MeasuredSet) -> Result
     Ok(signatures)
 }
 
-/// The key of an effect's frequency, if it makes the light swing.
+/// Returns the key of the frequency of an effect, or `None` if the effect has no frequency.
 fn line_of(effect: &Definition) -> Option<&'static str> {
     effect.searched_params().find(|(_, tried)| tried.is_frequency).map(|(param, _)| param.key)
 }

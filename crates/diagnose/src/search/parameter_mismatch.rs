@@ -1,39 +1,43 @@
-//! Which numbers of a given camera the data contradict.
+//! Parameters of a given camera that the data contradict.
 
 use crate::search::effect_search::{Evidence, SearchResult};
+use crate::search::state::TestedFit;
 use crate::thresholds::{CALIBRATION_INFORMATION, MAX_AMBIGUOUS_DISTANCE, MIN_MISMATCH_GAIN};
 use nalgebra::{DMatrix, DVector};
 
-/// A number that is contradicted.
+/// A parameter that the data contradict.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Contradicted {
     pub number: usize,
-    /// Where it lies with all the others as given but for those that are contradicted as well, and how well it is told then.
+    /// Fitted position if all parameters that the data do not contradict have their given values, and its standard
+    /// deviation.
     pub position: f64,
     pub deviation: f64,
-    /// Numbers that would do as well in its place.
+    /// Parameters that explain the data equally well in its place.
     pub tied: Vec<usize>,
-    /// By how much the squared distance falls with this number set free beside those before it.
+    /// Fall of the squared distance if this parameter is free beside those before it.
     pub gain: f64,
-    /// Change of all numbers from where they would be with this one as given.
+    /// Change of all parameters if this one is free instead of given.
     pub change: DVector<f64>,
-    /// Whether the held-out set bears it out.
+    /// Whether the held-out set confirms it.
     pub is_borne_out: bool,
 }
 
-/// The numbers that are contradicted, and the squared distance of the given numbers from the fitted ones.
+/// The contradicted parameters, and the squared distance between the given and the fitted parameters.
 pub(crate) struct Contradictions {
     pub numbers: Vec<Contradicted>,
     pub distance: f64,
 }
 
-/// The fewest numbers of the base model that must leave those `given`, as positions.
+/// Returns the smallest set of base parameters that must differ from the `given` positions.
 ///
-/// Not every number that lies some of its deviations off: the spreads of gain and of threshold stand in for each other, and with
-/// one wrong a fit moves both. The cost of a fit is no measure, since it is free along the base model's numbers.
+/// A parameter that deviates by several standard deviations need not be wrong: the spreads of gain and of threshold can
+/// replace each other, and if one is wrong a fit moves both. The cost of a fit does not depend on the base parameters,
+/// so it cannot decide.
 ///
-/// `missed` is what fits of clean sensors miss them by. Where nothing is left, `off` is what the fit does not explain of the data: the last step that it asks for is taken here, as no
-/// cost tells whether it is worth it.
+/// `missed` is the root mean square error of the fit of clean sensors for each parameter. `off` is the part of the data
+/// that the fit does not explain. If nothing exceeds a limit, the last step that `off` requests is taken here, because
+/// the cost cannot decide whether to take it.
 pub(crate) fn contradicted(
     found: &SearchResult,
     missed: &[f64],
@@ -41,21 +45,22 @@ pub(crate) fn contradicted(
     given: &[f64],
 ) -> Contradictions {
     let n = given.len();
-    let last = found.own.metric.bounded(off, &found.fit.bounds());
-    let fitted = |j: usize| found.fit.u[j] + if found.left { 0.0 } else { last[j] };
+    let TestedFit { fit, own, off: held_out_off, left, .. } = &found.last;
+    let last = own.metric.bounded(off, &fit.bounds());
+    let fitted = |j: usize| fit.u[j] + if *left { 0.0 } else { last[j] };
     let fitted: Vec<f64> = (0..n).map(fitted).collect();
-    let linear: DMatrix<f64> = found.own.metric.covariance().view((0, 0), (n, n)).into_owned();
-    let told = |j: usize| found.own.deviations[j].max(missed[j]) / linear[(j, j)].sqrt();
+    let linear: DMatrix<f64> = own.metric.covariance().view((0, 0), (n, n)).into_owned();
+    let told = |j: usize| own.deviations[j].max(missed[j]) / linear[(j, j)].sqrt();
     let covariance = DMatrix::from_fn(n, n, |i, j| linear[(i, j)] * told(i) * told(j));
-    // That they were calibrated is no evidence against the calibration.
+    // The prior of the calibration is no evidence about the calibration.
     let leaning = DMatrix::identity(n, n) * CALIBRATION_INFORMATION;
     let none = Contradictions { numbers: Vec::new(), distance: 0.0 };
     let Some(precision) = covariance.try_inverse().map(|p| p - leaning) else { return none };
     let mut numbers = fewest(&precision, &fitted, given);
-    // The numbers that the held-out set asks for.
-    let held_out = found.own.metric.fit(&found.off);
-    let held_out = DVector::from_fn(n, |j, _| found.fit.u[j] + held_out[j]);
-    let misfit = found.own.metric.square(&found.off);
+    // The parameters that the held-out set requests.
+    let held_out = own.metric.fit(held_out_off);
+    let held_out = DVector::from_fn(n, |j, _| fit.u[j] + held_out[j]);
+    let misfit = own.metric.square(held_out_off);
     let distance_of = |numbers: &DVector<f64>| {
         let off = numbers - &held_out;
         misfit + off.dot(&(&precision * &off))
@@ -70,7 +75,7 @@ pub(crate) fn contradicted(
             before: distance_of(&without),
             after: distance_of(&with),
             whole: 0.0,
-            others: found.fit.effects.len() + others.len(),
+            others: fit.effects.len() + others.len(),
         };
         c.is_borne_out = evidence.beyond() > 0.0;
         c.change = &with - without;
@@ -78,7 +83,7 @@ pub(crate) fn contradicted(
     Contradictions { numbers, distance: off.dot(&(&precision * &off)) }
 }
 
-/// All numbers, those that are `free` where they fit best beside the others as given.
+/// Returns all parameters. The `free` ones have the best fit beside the others at their given positions.
 fn numbers_at(
     precision: &DMatrix<f64>,
     off: &DVector<f64>,
@@ -93,7 +98,7 @@ fn numbers_at(
     numbers
 }
 
-/// One number after the other, each time the one that brings the rest closest.
+/// Frees one parameter after the other: each time the one that reduces the squared distance most.
 fn fewest(precision: &DMatrix<f64>, fitted: &[f64], given: &[f64]) -> Vec<Contradicted> {
     let off = DVector::from_fn(given.len(), |j, _| given[j] - fitted[j]);
     let mut free: Vec<usize> = Vec::new();
@@ -127,17 +132,17 @@ fn fewest(precision: &DMatrix<f64>, fitted: &[f64], given: &[f64]) -> Vec<Contra
     ties.into_iter().enumerate().map(said).collect()
 }
 
-/// Some numbers free, the others held `off` from where they were fitted.
+/// A fit of some free parameters. The others are held at the distance `off` from their fitted positions.
 struct Held {
-    /// Where the free ones go, from where they were fitted, and how well they are told.
+    /// Displacements of the free parameters from their fitted positions, and their standard deviations.
     positions: DVector<f64>,
     deviations: Vec<f64>,
-    /// Squared distance that is left.
+    /// Remaining squared distance.
     distance: f64,
 }
 
 impl Held {
-    /// `None` where the data do not tell the free numbers.
+    /// Returns `None` if the data do not determine the free parameters.
     fn of(precision: &DMatrix<f64>, off: &DVector<f64>, free: &[usize]) -> Option<Self> {
         let inner = DMatrix::from_fn(free.len(), free.len(), |i, j| precision[(free[i], free[j])]);
         let mut place = off.clone();

@@ -1,4 +1,4 @@
-//! What happened in the loop, round by round.
+//! The rounds of a search, and questions that the time limit left open.
 
 use nalgebra::DVector;
 use serde::Serialize;
@@ -20,16 +20,16 @@ pub enum EliminationReason {
 pub(crate) struct Entrant {
     pub name: &'static str,
     pub misfit: f64,
-    /// Whether its lead or lag is within noise.
+    /// Whether it is equally likely within the noise.
     pub tied: bool,
-    /// Deviations by which a set tells its fitted model from the winner's.
+    /// Distance of its fitted model from that of the winner, in standard deviations of a set.
     pub apart: f64,
-    /// Its fitted mean.
+    /// Fitted mean.
     pub mean: DVector<f64>,
 }
 
-/// What a step from one model to another did to the fitted and to the held-out set: their squared distances, with what
-/// calibration fits taken out.
+/// Squared distances of the fitted and of the held-out set before and after a step, without the directions that
+/// calibration fits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     pub(crate) before: [f64; 2],
@@ -37,7 +37,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// The step as a study records it.
+    /// Returns the description that studies record.
     pub(crate) fn words(&self) -> String {
         let [[train, heldout], [train_after, heldout_after]] = [self.before, self.after];
         format!(
@@ -45,11 +45,11 @@ impl Step {
         )
     }
 
-    /// As far as it speaks for the name. A name whose sensors differ more among themselves makes recordings likelier without
-    /// bringing the model nearer, and its squared distance may grow.
+    /// Returns the description as evidence for the effect. An effect that adds noise makes recordings more likely
+    /// without bringing the model nearer, so the squared distance may grow.
     pub(crate) fn nearer(&self, floor: f64) -> String {
         let [from, to] = [self.before[1], self.after[1]].map(f64::round);
-        // Where nothing was held out, both are of the same recordings.
+        // If nothing was held out, both values are of the same recordings.
         let held_out = self.before[0] != self.before[1] || self.after[0] != self.after[1];
         if to < from {
             let gap = if held_out { "held-out discrepancy" } else { "discrepancy" };
@@ -63,7 +63,7 @@ impl Step {
     }
 }
 
-/// One round of the loop.
+/// One round of a search.
 #[derive(Clone, Debug)]
 pub(crate) struct Round {
     pub winner: &'static str,
@@ -73,11 +73,11 @@ pub(crate) struct Round {
     pub share: f64,
     /// The winner's fitted mean.
     pub mean: DVector<f64>,
-    /// Whether the winner is weaker than what the set can name.
+    /// Whether the winner is weaker than the smallest detectable strength.
     pub faint: bool,
-    /// What speaks for the winner, in words; nothing where it was turned down.
+    /// Description of the evidence for the winner; empty if it was rejected.
     pub evidence: String,
-    /// The step of which that tells.
+    /// The step that `evidence` describes.
     pub step: Option<Step>,
 }
 
@@ -86,7 +86,7 @@ impl Round {
         self.fate == EliminationReason::Retained
     }
 
-    /// Notes the names that are as likely, of `rivals` in the order of their prices.
+    /// Adds the tied `rivals`, which are in the order of their scores.
     pub(crate) fn ties_with(&mut self, rivals: Vec<Entrant>) {
         for rival in rivals.into_iter().rev().filter(|r| r.tied) {
             self.entrants.retain(|e| e.name != rival.name);
@@ -95,17 +95,17 @@ impl Round {
     }
 }
 
-/// The round that `name` was kept in.
+/// Returns the round in which `name` was retained.
 pub(crate) fn kept<'a>(rounds: &'a [Round], name: &str) -> Option<&'a Round> {
     rounds.iter().find(|r| r.is_kept() && r.winner == name)
 }
 
-/// The same, to be changed.
+/// Returns the round in which `name` was retained, for changes.
 pub(crate) fn kept_mut<'a>(rounds: &'a mut [Round], name: &str) -> Option<&'a mut Round> {
     rounds.iter_mut().find(|r| r.is_kept() && r.winner == name)
 }
 
-/// The names beside the winner that are as likely, two at most.
+/// Returns up to two effects that are tied with the winner.
 pub(crate) fn tied(round: &Round) -> Vec<&Entrant> {
     round.entrants.iter().filter(|e| e.tied && e.name != round.winner).take(2).collect()
 }
@@ -119,7 +119,7 @@ pub(crate) enum Undecided {
     FurtherEffects(Vec<&'static str>),
     /// Whether each named effect is necessary beside the others.
     NecessityOfEffects,
-    /// The numbers of the base model beside the effects.
+    /// The base parameters beside the effects.
     BaseNumbers,
 }
 

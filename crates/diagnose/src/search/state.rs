@@ -29,20 +29,20 @@ pub(crate) struct Search<'a> {
     pub located: Events,
 }
 
-/// A fitted model, what its own sensors show, and what the data have beyond that.
+/// A fitted model, what simulations of it show, and the deviations of the data from it.
 #[derive(Clone)]
 pub(crate) struct TestedFit {
     pub fit: Fit,
     pub own: SelfConsistency,
-    /// What the held-out set is off.
+    /// Deviation of the held-out set.
     pub off: DVector<f64>,
-    /// Whether anything is above its limit in either set, and in the fitted one.
+    /// Whether either set exceeds a limit, and whether the fitted set does.
     pub left: bool,
     pub left_fitted: bool,
 }
 
 impl TestedFit {
-    /// How unlikely the held-out set is.
+    /// Returns the deviance of the held-out set.
     pub(crate) fn deviance(&self) -> f64 {
         self.fit.deviance_of(&self.off)
     }
@@ -101,19 +101,23 @@ impl Search<'_> {
         Ok(&self.held_out_data - self.held_out_mean(fit)?)
     }
 
-    /// Whether anything is beyond the limits of the base model.
-    pub(crate) fn base_alarm(&self) -> bool {
+    /// Returns the base model, what its own sensors show, and whether the fitted set exceeds a limit of it.
+    fn base_fit(&self) -> (Fit, SelfConsistency, bool) {
         let Fitter { reference, data } = &self.fitter;
-        let (fit, own) =
-            (Fit::base(reference, data, self.located.clone()), SelfConsistency::of_base(reference));
-        self.alarm(&fit, &own, &(data - &own.mean))
+        let fit = Fit::base(reference, data, self.located.clone());
+        let own = SelfConsistency::of_base(reference);
+        let is_exceeded = self.alarm(&fit, &own, &(data - &own.mean));
+        (fit, own, is_exceeded)
+    }
+
+    /// Returns whether the fitted set exceeds a limit of the base model.
+    pub(crate) fn base_alarm(&self) -> bool {
+        self.base_fit().2
     }
 
     pub(crate) fn base(&self) -> Result<TestedFit> {
-        let Fitter { reference, data } = &self.fitter;
-        let (fit, own) =
-            (Fit::base(reference, data, self.located.clone()), SelfConsistency::of_base(reference));
-        let left = self.alarm(&fit, &own, &(data - &own.mean));
+        let reference = self.fitter.reference;
+        let (fit, own, left) = self.base_fit();
         // Without time for simulations at the light of the held-out set, the light of the fitted set must do.
         let off = in_time(self.held_out_off(&fit))?;
         let off = off.unwrap_or_else(|| &self.held_out_data - &reference.mean);
@@ -127,23 +131,25 @@ impl Search<'_> {
         Ok(TestedFit { fit, own, off, left, left_fitted })
     }
 
-    /// How unlikely the held-out set is under a fit that was not judged yet.
+    /// Returns the deviance of the held-out set under a fit that was not tested yet.
     pub(crate) fn deviance(&self, fit: &Fit) -> Result<f64> {
         Ok(fit.deviance_of(&self.held_out_off(fit)?))
     }
 
-    /// Squared distance of the fitted and of the held-out set, with what calibration fits taken out.
+    /// Returns the squared distances of the fitted and of the held-out set, without the directions that calibration
+    /// fits.
     pub(crate) fn gaps(&self, at: &TestedFit) -> [f64; 2] {
         [at.fit.misfit, self.fitter.reference.metric.square(&at.off)]
     }
 
-    /// What a step from one model to another did to them.
+    /// Returns the discrepancies before and after a step from one model to another.
     pub(crate) fn step(&self, before: &TestedFit, after: &TestedFit) -> Step {
         Step { before: self.gaps(before), after: self.gaps(after) }
     }
 
+    /// Returns whether a value of what is `off` exceeds its limit.
     fn alarm(&self, fit: &Fit, own: &SelfConsistency, off: &DVector<f64>) -> bool {
-        alarm(fit, own, off, &self.signatures)
+        values_and_limits(fit, own, off, &self.signatures).iter().any(|(value, limit)| value > limit)
     }
 }
 
@@ -159,9 +165,4 @@ pub(crate) fn values_and_limits(
     let [misfit, deviation, score] = strays_by(&own.metric, off, &open);
     let limits = own.limits;
     [(misfit, limits.misfit), (deviation, limits.deviation), (score, limits.score)]
-}
-
-/// Returns whether a value exceeds its limit.
-pub(crate) fn alarm(fit: &Fit, own: &SelfConsistency, off: &DVector<f64>, signatures: &[Signature]) -> bool {
-    values_and_limits(fit, own, off, signatures).iter().any(|(value, limit)| value > limit)
 }

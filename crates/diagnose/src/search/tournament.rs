@@ -1,4 +1,4 @@
-//! One round of the loop: the candidates that promise most are fitted, and the most likely one wins.
+//! One round of a search: fits the most promising candidates. The most likely one wins.
 
 use crate::fits::fit::Fit;
 use crate::fits::fitter::{Fitter, metric_allowing_events};
@@ -19,7 +19,7 @@ use spikelane::error::Result;
 use spikelane::unstable::threads;
 
 impl Search<'_> {
-    /// The best candidate for what is left, fitted together with everything accepted before.
+    /// Returns the fit of the best candidate together with all accepted effects.
     pub(crate) fn tournament(
         &self,
         fit: &Fit,
@@ -33,7 +33,8 @@ impl Search<'_> {
         }
         let [few, some] = fit.draws();
         let rounds = if fit.effects.is_empty() { STEPS_OF_FIRST_EFFECT } else { STEPS_OF_FURTHER_EFFECT };
-        // Which start is nearer shows at the end: where base numbers took in what is added now, that place costs less at first.
+        // The better start is known only after both fits: if base parameters took over a part of the candidate, their
+        // present values cost less at first.
         let enter = |(_, from): &(&str, Vec<Fit>)| {
             let refined = threads::try_map(from, |f| self.fitter.refined(f.clone(), rounds[0], few))?;
             Ok(refined.into_iter().min_by(cheaper))
@@ -41,7 +42,7 @@ impl Search<'_> {
         let fits: Vec<Option<ScoredFit>> = threads::try_map(&starts, enter)?;
         let mut fits: Vec<ScoredFit> = fits.into_iter().flatten().collect();
         fits.sort_by(cheaper);
-        // Near the front, once more and with less noise.
+        // The best candidates are refined again with less noise.
         let front = fits[0].price + 0.15 * (fit.price() - fits[0].price).max(0.0) + MAX_SIMULATION_COST;
         let near = fits.iter().take(MAX_FINALISTS).take_while(|f| f.price < front).count();
         let far = fits.split_off(near);
@@ -66,7 +67,7 @@ impl Search<'_> {
         Ok(Some((best, round)))
     }
 
-    /// The front in its order; where draws decide on it, more of them are made.
+    /// Sorts the best candidates. If the noise of the simulations decides their order, more simulations are made.
     fn finish(&self, mut front: Vec<ScoredFit>) -> Result<Vec<ScoredFit>> {
         front.sort_by(cheaper);
         let unsure =
@@ -87,16 +88,16 @@ impl Search<'_> {
         Ok(front)
     }
 
-    /// How a fit of which the last name is new stands beside the best one.
+    /// Returns the entrant of a fit, compared with the best one. The last effect of both fits is new.
     pub(crate) fn entrant(&self, best: &ScoredFit, f: &ScoredFit) -> Entrant {
-        // Twice the distance of two models is the deviation of the difference of their costs.
+        // The standard deviation of the difference of two costs is twice the distance of both models.
         let apart = best.apart(f, &self.fitter.reference.metric);
         let tied = f.price - best.price < 4.0 + 2.0 * apart.min(12.0) + drawn(best, f);
         Entrant { name: last(&f.fit), misfit: f.fit.misfit, tied, apart, mean: f.fit.mean.clone() }
     }
 
-    /// The candidates that promise most, each with one or two places to begin: the base model's numbers as fitted before, or
-    /// as calibrated. They may have moved to take in what a candidate explains, which then promises little from there.
+    /// Returns the most promising candidates, each with one or two starts: base parameters as fitted before, or as
+    /// calibrated. Fitted base parameters may have taken over what a candidate explains, which then promises little.
     fn starts(
         &self,
         fit: &Fit,
@@ -107,7 +108,7 @@ impl Search<'_> {
             let off = &self.fitter.data - &fit.mean;
             let start = |(scale, s): (f64, Signature)| {
                 let plain = fit.with(&s.candidate, scale);
-                // The found light took in what the effect does to the rates.
+                // The found light contains the change of the rates by the effect.
                 let left = metric.rest(&(&off - &s.mean * scale));
                 let slopes = &self.fitter.reference.lamp_slopes;
                 let lamps = likely_deviations(&plain.model.lamps, slopes, &metric.noise, &left);
@@ -142,8 +143,8 @@ impl Search<'_> {
 }
 
 impl Search<'_> {
-    /// The candidates that promise most, each name once with its best shape and scale. Candidates that come near are
-    /// compared by two simulations each.
+    /// Returns the most promising candidates, each effect once with its best shape and scale. Near candidates are
+    /// compared with two simulations each.
     pub(crate) fn entrants(
         &self,
         fit: &Fit,
@@ -163,7 +164,7 @@ impl Search<'_> {
     }
 }
 
-/// The candidates by what they promise, the most promising first.
+/// Returns the promises of the candidates, the largest first.
 fn ranked<'a>(
     fit: &Fit,
     metric: &Metric,
@@ -176,7 +177,7 @@ fn ranked<'a>(
     ranked
 }
 
-/// The candidates that promise most, each name once with its best shape and scale.
+/// Returns the most promising candidates, each effect once with its best shape and scale.
 pub(crate) fn entrants<'a>(
     fit: &Fit,
     metric: &Metric,
@@ -202,17 +203,18 @@ pub(crate) fn cheaper(a: &ScoredFit, b: &ScoredFit) -> std::cmp::Ordering {
     a.price.total_cmp(&b.price)
 }
 
-/// What the draws leave open of the difference of two prices.
+/// Returns the standard deviation of the difference of two scores by the noise of the simulations.
 fn drawn(a: &ScoredFit, b: &ScoredFit) -> f64 {
     a.deviation.hypot(b.deviation)
 }
 
-/// The effect that was added last.
+/// Returns the effect that was added last.
 pub(crate) fn last(fit: &Fit) -> &'static str {
     fit.effects.last().map_or("", |e| e.0.name)
 }
 
-/// How much of `off` a signature takes away at its best scale, within the effect's range.
+/// Returns the part of `off` that a signature explains at its best scale, within the range of the effect, and this
+/// scale.
 fn promise<'a>(metric: &Metric, off: &DVector<f64>, signature: &'a Signature) -> (f64, f64, &'a Signature) {
     let dual = metric.dual(&signature.mean);
     let (along, square) = (dual.dot(off), dual.dot(&signature.mean));

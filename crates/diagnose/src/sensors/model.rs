@@ -18,6 +18,8 @@ pub(crate) struct Model {
     pub knobs: Vec<Knob>,
     /// The lamps and sources of the lit recordings.
     pub lamps: Vec<Lamp>,
+    /// Number of recordings.
+    pub recordings: usize,
     /// Lost and repeated readouts at located positions.
     pub pinned: PinnedEvents,
     /// Cache and time limit of its simulations.
@@ -44,6 +46,7 @@ impl Model {
         Self {
             knobs: BASE_KNOBS.iter().filter(is_determined).filter_map(knob).collect(),
             lamps: lamps_of(setup),
+            recordings: setup.recordings.len(),
             camera,
             pinned: PinnedEvents::default(),
             context: SimulationContext::default(),
@@ -62,13 +65,13 @@ impl Model {
 
     /// Returns the sample at the knob positions `u`. `lamp_deviations` contains relative deviations that are added to the
     /// offsets of the lamps.
-    pub(crate) fn sample(&self, u: &[f64], lamp_deviations: &[f64], scenes: usize) -> Result<Sample> {
+    pub(crate) fn sample(&self, u: &[f64], lamp_deviations: &[f64]) -> Result<Sample> {
         let mut camera = self.camera.clone();
         for (knob, u) in self.knobs.iter().zip(u) {
             let effect = camera.effect(knob.effect.name).cloned().unwrap_or_else(|| knob.effect.neutral());
             camera = camera.with_effect(effect.with_value(knob.key, knob.value(*u))?);
         }
-        let mut factors = vec![1.0; scenes];
+        let mut factors = vec![1.0; self.recordings];
         for (i, lamp) in self.lamps.iter().enumerate() {
             let deviation = lamp_deviations.get(i).copied().unwrap_or(0.0);
             for (k, share) in &lamp.shares {

@@ -10,6 +10,8 @@ use crate::sensors::cache_key::hash_inputs;
 use crate::sensors::model::Sample;
 use crate::statistics::measured_set::{rate_map_statistics, statistics_vector};
 use crate::statistics::vector::{DiagnosticStatistic, StatisticsVector};
+use crate::thresholds::LEAD_READOUTS;
+use nalgebra::DVector;
 use spikelane::effects::{Camera, Definition, Model, edge_columns, smooth_prnu, start_phase, vignetting};
 use spikelane::error::Result;
 use spikelane::pixel::Op;
@@ -19,10 +21,6 @@ use spikelane::unstable::plan::Plan;
 use spikelane::unstable::{inputs, threads};
 use spikelane_calibrate::{Stimulus, StimulusPattern};
 use spikelane_io::simulate::{FrameRef, Simulator};
-
-/// Number of simulated readouts before the recording, during which pixels with a common start phase become
-/// independent.
-const LEAD_READOUTS: usize = 200;
 
 /// Returns the entries of the vector of `sample`.
 pub(crate) fn statistics(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<DiagnosticStatistic>> {
@@ -51,7 +49,7 @@ pub(crate) fn scans(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<Sca
 }
 
 /// Returns the vector of `sample`.
-pub(crate) fn values(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<f64>> {
+pub(crate) fn values(setup: &Setup, sample: &Sample, seed: u64) -> Result<DVector<f64>> {
     cached_or(setup, sample, seed, || Ok(simulate_vector(setup, sample, seed)?.values))
 }
 
@@ -61,14 +59,15 @@ pub(crate) fn cached_or(
     sample: &Sample,
     seed: u64,
     simulate: impl FnOnce() -> Result<Vec<f64>>,
-) -> Result<Vec<f64>> {
+) -> Result<DVector<f64>> {
     let simulate = || sample.context.deadline.check().and_then(|()| simulate());
-    match &sample.context.cache {
+    let values = match &sample.context.cache {
         Some(cache) => {
             cache.get_or_simulate(cache.key(|hasher| hash_inputs(setup, sample, seed, hasher)), simulate)
         }
         None => simulate(),
-    }
+    };
+    values.map(DVector::from_vec)
 }
 
 /// Simulates and scans one recording of the set.
@@ -195,10 +194,8 @@ pub(crate) fn simulate_static_scene(
 
 /// Returns the statistics of the maps that follow from the fixed pattern of a camera.
 pub(crate) fn simulate_rate_maps(setup: &Setup, sample: &Sample, seed: u64) -> Result<StatisticsVector> {
-    let mut camera = sample.camera.clone();
-    camera.sensor.geometry = setup.geometry;
-    camera.sensor.readout_hz = setup.readout_hz;
-    let model = camera.model(Seeds { camera: seed, shot: 0, sequence: 0 })?;
+    let seeds = Seeds { camera: seed, shot: 0, sequence: 0 };
+    let model = camera_for(setup, &sample.camera).model(seeds)?;
     let laws = (0..setup.geometry.pixels()).map(|p| model.law(p));
     let (gain, dark): (Vec<f64>, Vec<f64>) =
         laws.map(|l| (l.gain / l.threshold, l.dark / l.threshold)).unzip();

@@ -5,20 +5,9 @@ use crate::recordings::setup::Setup;
 use crate::statistics::order::Spread;
 use crate::statistics::spectrum::transforms;
 use crate::statistics::vector::{StatisticsVector, ln, scaled_count};
-
-/// Rate above which a pixel fires at nearly every readout, so that its rate contains little information about the
-/// light.
-pub(super) const MAX_LINE_RATE: f64 = 0.985;
-
-/// Smallest number of half periods across the map at which a wave belongs to the spectrum. Longer waves are uneven
-/// light.
-const MIN_HALF_PERIODS: usize = 4;
-
-/// Number of robust standard deviations from the median beyond which a pixel is an outlier.
-const OUTLIER_SDS: f64 = 5.0;
-
-/// Number of outliers at which their mean distance has half of its full weight. One or two outliers are insignificant.
-const OUTLIER_HALF_WEIGHT: f64 = 9.0;
+use crate::thresholds::{MIN_WAVE_HALF_PERIODS, OUTLIER_HALF_WEIGHT, OUTLIER_SDS};
+use spikelane_calibrate::fit_line;
+use spikelane_calibrate::unstable::SATURATION_RATE;
 
 /// Number of parameters of the parabola that [`subtract_parabola`] fits.
 const PARABOLA_PARAMETERS: usize = 3;
@@ -58,10 +47,13 @@ pub(crate) fn fit_lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
     }
     let n = scans[0].pixels.len();
     let mut lines = Lines { gain: vec![0.0; n], dark: vec![0.0; n], residuals: Vec::new() };
-    let weighted_levels: Vec<(usize, f64, f64)> =
-        levels.iter().map(|(k, l)| (*k, *l, residual_unit(*l).powi(-2))).collect();
     for p in 0..n {
-        (lines.gain[p], lines.dark[p]) = fit_line(&weighted_levels, |k| scans[k].pixels[p].rate);
+        let point = |(k, l): &(usize, f64)| (*l, scans[*k].pixels[p].rate, residual_unit(*l).powi(2));
+        let points: Vec<_> =
+            levels.iter().map(point).filter(|(_, rate, _)| *rate <= SATURATION_RATE).collect();
+        if let Some(line) = fit_line(&points) {
+            (lines.gain[p], lines.dark[p]) = (line.a, line.d);
+        }
     }
     for (k, light) in &levels {
         let residual = |p: usize| {
@@ -69,7 +61,7 @@ pub(crate) fn fit_lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
             // Dead pixels do not follow an error of the lamp. 1 % of them would determine the tail of the
             // distribution.
             let is_dead = rate <= 0.0 && *light > 0.0;
-            if is_dead || rate > MAX_LINE_RATE {
+            if is_dead || rate > SATURATION_RATE {
                 f64::NAN
             } else {
                 (rate - lines.expected(p, *light)) / residual_unit(*light)
@@ -78,28 +70,6 @@ pub(crate) fn fit_lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
         lines.residuals.push((*k, (0..n).map(residual).collect()));
     }
     Some(lines)
-}
-
-/// Fits a line to the rates over weighted levels. `levels` contains the recording, the light and the weight of each
-/// level.
-fn fit_line(levels: &[(usize, f64, f64)], rate: impl Fn(usize) -> f64) -> (f64, f64) {
-    let (mut s0, mut s1, mut s2, mut y0, mut y1) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for (k, light, w) in levels {
-        let f = rate(*k);
-        if f > MAX_LINE_RATE {
-            continue;
-        }
-        s0 += w;
-        s1 += w * light;
-        s2 += w * light * light;
-        y0 += w * f;
-        y1 += w * light * f;
-    }
-    let det = s0 * s2 - s1 * s1;
-    if det <= 1e-9 * s0 * s2 {
-        return (0.0, 0.0);
-    }
-    ((s0 * y1 - s1 * y0) / det, (s2 * y0 - s1 * y1) / det)
 }
 
 /// Names of the statistics of one map.
@@ -307,13 +277,13 @@ fn spectral_peak(z: &[f64], width: usize) -> f64 {
         }
     }
     let (mut highest, mut sum, mut count) = (0.0_f64, 0.0, 0.0);
-    for col in MIN_HALF_PERIODS..half {
+    for col in MIN_WAVE_HALF_PERIODS..half {
         let [mut re, mut im] = [0, 1].map(|i| parts[i][col * down..(col + 1) * down].to_vec());
         let (mut a, mut b) = (columns.make_output_vec(), columns.make_output_vec());
         if columns.process(&mut re, &mut a).is_err() || columns.process(&mut im, &mut b).is_err() {
             return 1.0;
         }
-        for row in MIN_HALF_PERIODS..a.len() {
+        for row in MIN_WAVE_HALF_PERIODS..a.len() {
             // The spectrum is `F(re) + i F(im)`, at each frequency and at its negative.
             for sign in [1.0, -1.0] {
                 let power = (a[row].re - sign * b[row].im).powi(2) + (sign * a[row].im + b[row].re).powi(2);

@@ -2,18 +2,14 @@
 
 use crate::recordings::recorded_scene::RecordedScene;
 use crate::recordings::scan::{Scan, dark_windows};
-use crate::recordings::stretches::{STEADY_READOUTS, Stretch};
-use crate::statistics::maps::{Lines, MAX_LINE_RATE, Map};
+use crate::recordings::stretches::Stretch;
+use crate::statistics::maps::{Lines, Map};
 use crate::statistics::order::Spread;
 use crate::statistics::spectrum::{line, power};
 use crate::statistics::vector::{StatisticsVector, ln};
+use crate::thresholds::{MIN_LINE_LIGHT, STEADY_READOUTS, STEP_WINDOWS};
+use spikelane_calibrate::unstable::SATURATION_RATE;
 use spikelane_calibrate::{Stimulus, StimulusPattern};
-
-/// Smallest light at which the firing rates of the pixels exceed the frequencies of lines.
-const MIN_LINE_LIGHT: f64 = 0.2;
-
-/// Windows after a step, in readouts.
-const STEP_WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];
 
 /// Adds the statistics of the spikes per readout and of the coincidences of neighbors.
 pub(crate) fn push_totals(v: &mut StatisticsVector, k: usize, scan: &Scan, scene: &RecordedScene) {
@@ -182,7 +178,7 @@ pub(crate) fn push_checkerboard(
         let is_edge = neighbors.iter().any(|(r, c)| *r < height && *c < width && bright(*r, *c) != is_bright);
         let rate = scan.pixels[p].rate;
         let expected = lines.expected(p, if is_bright { high } else { low });
-        if expected > 0.0 && rate < MAX_LINE_RATE {
+        if expected > 0.0 && rate < SATURATION_RATE {
             groups[2 * usize::from(!is_bright) + usize::from(is_edge)].push(rate / expected - 1.0);
         }
     }

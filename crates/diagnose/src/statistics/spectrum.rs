@@ -1,23 +1,12 @@
 //! Spectra of the spikes per readout, and lines in them.
 
+use crate::thresholds::{BACKGROUND_BINS, MAX_LINE_FREQUENCY, MIN_PERIODS, STEPS_PER_BIN};
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use realfft::{RealFftPlanner, RealToComplex};
 use spikelane::unstable::kernels::dispatch;
 use spikelane_measure::squared_magnitudes;
-
-/// Highest frequency of a line, in cycles per readout. The firing rates of bright pixels are higher.
-const MAX_LINE_FREQUENCY: f64 = 0.13;
-
-/// Number of examined frequencies per frequency step of the spectrum.
-const STEPS_PER_BIN: f64 = 10.0;
-
-/// Number of frequencies on either side of a line whose mean power is its background.
-const BACKGROUND_BINS: usize = 40;
-
-/// Fewest periods of a line in a recording. A mean and a drift have fewer.
-pub(crate) const MIN_PERIODS: f64 = 2.0;
 
 /// Returns the power spectrum of the spikes per readout, relative to independent pixels.
 pub(crate) fn power(totals: &[u32]) -> Vec<f64> {

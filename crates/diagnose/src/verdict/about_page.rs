@@ -3,7 +3,7 @@
 use crate::prepared::base_model::{BaseParameter, NumberSource};
 use crate::prepared::provenance::Provenance;
 use crate::verdict::diagnosis::Diagnosis;
-use spikelane_measure::report::{Cell, Table};
+use spikelane_measure::report::{Cell, Table, row};
 
 /// Terms of the tables and plots, with their definitions.
 const TERMS: [(&str, &str); 17] = [
@@ -70,45 +70,36 @@ const TERMS: [(&str, &str); 17] = [
 
 /// Returns the tables about the recordings and the initial parameters.
 pub(super) fn recording_tables(about: &Provenance) -> Vec<Table> {
-    let mut set = Table::new("Recording set and camera", &["property", "value"]);
-    let mut row = |name: &str, value: String| set.push_row([name.to_owned(), value]);
-    row("recording set", about.set_file.clone().unwrap_or_else(|| "a recording set in memory".to_owned()));
-    let description = about.recorded_camera.iter().flat_map(|camera| camera.rows());
-    description.for_each(|(title, text)| row(title, text));
-    row("pixels", format!("{} x {}", about.width, about.height));
-    row("readouts per second", format!("{}", about.readout_hz));
+    let file = about.set_file.clone().unwrap_or_else(|| "a recording set in memory".to_owned());
+    let mut set = vec![("recording set", file)];
+    set.extend(about.recorded_camera.iter().flat_map(|camera| camera.rows()));
+    set.push(("pixels", format!("{} x {}", about.width, about.height)));
+    set.push(("readouts per second", about.readout_hz.to_string()));
     // Without parameters of an initial model, no recording was judged.
-    let judged = !about.base_parameters.is_empty();
-    if judged {
-        row("held-out recordings", about.held_out.clone());
+    if !about.base_parameters.is_empty() {
+        set.push(("held-out recordings", about.held_out.clone()));
     }
-    row("initial model", about.camera.clone());
-    row("seed", about.seed.to_string());
-    let mut files = Table::new("Recordings", &["recording", "light", "readouts", "first readout"]);
-    for r in &about.recordings {
-        files.push_row([
-            Cell::from(&r.file),
-            Cell::from(&r.light),
-            Cell::from(r.readouts),
-            Cell::from(r.first_readout),
-        ]);
-    }
-    vec![set, files, numbers(&about.base_parameters)]
+    set.push(("initial model", about.camera.clone()));
+    set.push(("seed", about.seed.to_string()));
+    let files = about.recordings.iter().map(|r| row![&r.file, &r.light, r.readouts, r.first_readout]);
+    vec![
+        Table::new("Recording set and camera", &["property", "value"])
+            .with_rows(set.into_iter().map(|(name, value)| row![name, value])),
+        Table::new("Recordings", &["recording", "light", "readouts", "first readout"]).with_rows(files),
+        Table::new("Initial camera parameters", &["parameter", "value", "unit", "source"])
+            .with_rows(about.base_parameters.iter().map(parameter_row)),
+    ]
 }
 
-fn numbers(all: &[BaseParameter]) -> Table {
-    let mut table = Table::new("Initial camera parameters", &["parameter", "value", "unit", "source"]);
-    for n in all {
-        let source = match n.source {
-            NumberSource::Calibrated => "these recordings",
-            NumberSource::Published => "the published model",
-            NumberSource::Fitted => "a fit that started from the published model",
-            NumberSource::Camera => "the camera file",
-        };
-        let value = n.error.map_or_else(|| Cell::value(n.value, ""), |e| Cell::estimate(n.value, e, ""));
-        table.push_row([Cell::from(&n.parameter), value, Cell::from(n.unit), Cell::from(source)]);
-    }
-    table
+fn parameter_row(p: &BaseParameter) -> [Cell; 4] {
+    let source = match p.source {
+        NumberSource::Calibrated => "these recordings",
+        NumberSource::Published => "the published model",
+        NumberSource::Fitted => "a fit that started from the published model",
+        NumberSource::Camera => "the camera file",
+    };
+    let value = p.error.map_or_else(|| Cell::from(p.value), |e| Cell::estimate(p.value, e, ""));
+    row![&p.parameter, value, p.unit, source]
 }
 
 /// Returns the definitions of the terms that the page uses.
@@ -118,7 +109,6 @@ pub(super) fn glossary(d: &Diagnosis) -> Table {
         let general = ["discrepancy", "noise floor", "standard deviations", "fitted, held out"];
         general.contains(&term) || statistics.into_iter().any(|s| s.contains(term))
     };
-    let mut table = Table::new("Terms", &["term", "meaning"]);
-    TERMS.iter().filter(|t| used(t.0)).for_each(|t| table.push_row([t.0, t.1]));
-    table
+    let terms = TERMS.iter().filter(|t| used(t.0));
+    Table::new("Terms", &["term", "meaning"]).with_rows(terms.map(|(term, meaning)| row![*term, *meaning]))
 }

@@ -11,28 +11,14 @@ use crate::null_model::metric::Metric;
 use crate::null_model::model::NullModel;
 use crate::null_model::signature::{AmplitudeEstimate, Signature};
 use crate::sensors::model::Knob;
+use crate::thresholds::{
+    MAX_LINEAR_EXPONENT, MIN_CERTAIN_LENGTH, MIN_INTERPOLATED_SHARE, NORMAL_QUANTILE_95,
+};
 use nalgebra::DVector;
 use spikelane::effects::Definition;
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
-
-/// Quantile of the standard normal distribution at a probability of 95 %.
-const NORMAL_QUANTILE: f64 = 1.645;
-
-/// Length of a signature, in standard deviations, from which on one simulation determines it. The noise of a single
-/// simulation was measured to be up to ten standard deviations long (24x24 pixels).
-const MIN_CERTAIN_LENGTH: f64 = 15.0;
-
-/// Exponent of the length of a signature as a function of the amplitude above which an effect counts as quadratic. Measured
-/// exponents (24x24 pixels) of most effects are 0.5 to 1.12. Those of `telegraph_dark` and `readout_jitter`, whose variance
-/// is proportional to the square of the amplitude, and of `false_spikes` are 1.24 to 1.52.
-const MAX_LINEAR_EXPONENT: f64 = 1.2;
-
-/// Smallest share of a tried variance, or of a tried probability of rare events, to which a limit is interpolated. Measured
-/// with 20 hidden sensors at the interpolated limit: the estimate was zero for 11 with `row_noise` (1/36 of the tried
-/// variance) and for 7 with `false_spikes` (two spikes are expected, and some sensors have none). It should be zero for one.
-const MIN_INTERPOLATED_SHARE: f64 = 0.1;
 
 /// The largest strength of an effect with which the recordings are compatible.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -161,7 +147,7 @@ fn has_both_signs(knob: &Knob) -> bool {
 fn upper_share(estimate: AmplitudeEstimate, has_both_signs: bool) -> f64 {
     let AmplitudeEstimate { value, sd } = estimate;
     let compatible = if has_both_signs { value.abs() } else { value.max(0.0) };
-    compatible + NORMAL_QUANTILE * sd
+    compatible + NORMAL_QUANTILE_95 * sd
 }
 
 /// The amplitudes of one shape of an effect, weakest first.

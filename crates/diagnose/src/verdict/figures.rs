@@ -8,6 +8,7 @@ use crate::sensors::model::{Model, Sample};
 use crate::sensors::simulate;
 use crate::statistics::maps::fit_lines;
 use crate::statistics::spectrum::power;
+use crate::thresholds::RANGE_SENSORS;
 use nalgebra::DVector;
 use serde::Serialize;
 use spikelane::error::Result;
@@ -24,10 +25,6 @@ const MAX_RELATIVE_INTERVAL: f64 = 2.0;
 
 /// Number of points of a spectrum, equally spaced in the logarithm of the frequency.
 const SPECTRUM_POINTS: usize = 60;
-
-/// Number of additional simulated sensors of the final model. At one frequency, another such sensor lies outside of
-/// their range with a probability of 2 / (20 + 1).
-pub(crate) const RANGE_SENSORS: usize = 20;
 
 /// Name of the statistic that contains the residuals.
 const RESIDUAL_STATISTIC: &str = "rate against the pixel's line";
@@ -69,8 +66,8 @@ pub(crate) fn set_plots(
     if setup.has_rate_maps || setup.recordings.iter().any(|s| s.static_scene.is_some()) {
         return Ok(Vec::new());
     }
-    let base = reference.model.sample(&[], &[], setup.recordings.len())?;
-    let model = last.0.sample(last.1, &[], setup.recordings.len())?;
+    let base = reference.model.sample(&[], &[])?;
+    let model = last.0.sample(last.1, &[])?;
     let data = plots_of(setup, scans, |k| setup.read(set, k))?;
     let simulated = |sample: &Sample| {
         let seed = reference.seed + 90_000;
@@ -261,7 +258,7 @@ pub(crate) fn rate_residuals(
             light: recording.level()?,
             mean_rate: scan.pixels.iter().map(|p| p.rate).sum::<f64>() / scan.pixels.len() as f64,
             initial_residual: (data[i] - reference.mean[i]) / STATISTIC_UNITS,
-            final_residual: (data[i] - found.own.mean[i]) / STATISTIC_UNITS,
+            final_residual: (data[i] - found.last.own.mean[i]) / STATISTIC_UNITS,
             error: reference.spread[i] / STATISTIC_UNITS,
         })
     };

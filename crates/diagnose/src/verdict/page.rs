@@ -3,24 +3,24 @@
 use std::path::Path;
 
 use crate::search::round::EliminationReason;
+use crate::thresholds::{DEVIATION_LIMIT, MAX_SHOWN_DEVIATIONS};
 use crate::verdict::about_page::{glossary, recording_tables};
-use crate::verdict::diagnosis::{Diagnosis, Discrepancy, Verdict};
+use crate::verdict::diagnosis::{
+    DiagnosedLamp, Diagnosis, Discrepancy, LimitTest, ParameterMismatch, Verdict,
+};
+use crate::verdict::effect_limits::EffectLimit;
 use crate::verdict::figures::{plot_sections, rate_figures};
 use serde_json::Value;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::presets;
 use spikelane_io::storage::FileGroup;
 use spikelane_measure::report::{
-    Cell, PageElement, RankedRow, Report, ReportState, RunRecord, Table, ranked_bars, with_error,
+    Cell, PageElement, RankedRow, Report, ReportState, RunRecord, Table, ranked_bars, row, with_error,
     with_interval, without_error,
 };
 
-/// Number of statistics in the plot of the largest deviations.
-const MAX_SHOWN_DEVIATIONS: usize = 24;
-
-/// Number of standard deviations that some statistic of a sensor without missing effects exceeds with a probability of
-/// 0.001.
-const DEVIATION_LIMIT: f64 = 5.0;
+/// Statistic, recording, and deviation before and after the diagnosis.
+type Deviation = (String, String, f64, f64);
 
 /// Writes `camera.toml` with its maps, `report.html` and `diagnosis.json` into `folder`, and returns the diagnosis as
 /// JSON. Either all files are written or none. The report states the origin `run`.
@@ -59,19 +59,14 @@ pub(super) fn page(diagnosis: &Diagnosis) -> Result<Report> {
     };
     let mut report = Report::new("Diagnosis", state, word, summary(diagnosis));
     push_key_numbers(&mut report, diagnosis);
-    report.extend(faults(diagnosis));
-    if !diagnosis.undecided.is_empty() {
-        report.push(PageElement::heading("Not decided within the time limit"));
-        report.push(PageElement::List { items: diagnosis.undecided.clone() });
-    }
+    report
+        .push_list("Faults of the recordings", diagnosis.faults.iter().map(crate::Fault::sentence).collect());
+    report.push_list("Not decided within the time limit", diagnosis.undecided.clone());
     let has_search = !diagnosis.discrepancy.held_out_set.is_empty();
     let added = diagnosis.discrepancy.fitted_set.len() > 1;
     if has_search {
-        report.push(PageElement::heading(if added {
-            "What shows the effect"
-        } else {
-            "Comparison with the model"
-        }));
+        let heading = if added { "What shows the effect" } else { "Comparison with the model" };
+        report.push(PageElement::heading(heading));
         report.extend(effect_figure(diagnosis));
         report.extend(recording_discrepancies(diagnosis));
         report.push(deviations_figure(diagnosis));
@@ -83,10 +78,7 @@ pub(super) fn page(diagnosis: &Diagnosis) -> Result<Report> {
         report.push(PageElement::text("These recordings would distinguish the ambiguous effects."));
         report.push(PageElement::List { items: diagnosis.recommended_recordings.clone() });
     }
-    if !diagnosis.notes.is_empty() {
-        report.push(PageElement::heading("Notes"));
-        report.push(PageElement::List { items: diagnosis.notes.clone() });
-    }
+    report.push_list("Notes", diagnosis.notes.clone());
     if has_search {
         report.extend(tournament(diagnosis));
         report.extend(rate_figures(&diagnosis.rates, added));
@@ -94,13 +86,10 @@ pub(super) fn page(diagnosis: &Diagnosis) -> Result<Report> {
         report.push(PageElement::heading("Effects that this recording set cannot reveal"));
         report.push(PageElement::text(undetectable_text(diagnosis)));
     }
-    findings(diagnosis).into_iter().for_each(|table| report.push_table(table));
-    report.push_table(limit_tests(diagnosis));
-    report.push_table(lamps(diagnosis));
-    report.push_table(effect_limits(diagnosis));
-    for table in diagnosis.provenance.iter().flat_map(recording_tables) {
-        report.push_table(table);
-    }
+    let [findings, unexplained] = findings(diagnosis);
+    let own = [findings, unexplained, limit_tests(diagnosis), lamps(diagnosis), effect_limits(diagnosis)];
+    let origin = diagnosis.provenance.iter().flat_map(recording_tables);
+    own.into_iter().chain(origin).for_each(|table| report.push_table(table));
     if has_search {
         report.push_table(glossary(diagnosis));
     }
@@ -118,24 +107,21 @@ fn push_key_numbers(report: &mut Report, d: &Diagnosis) {
         let label = format!("{} instead of {}", m.parameter, format_value(m.model_value, m.low, m.high));
         report.push_key(label, with_interval(m.fitted_value, m.low, m.high), "95 % interval");
     }
-    let steps = &d.discrepancy.held_out_set;
-    if let (Some(first), Some(last)) = (steps.first(), steps.last()) {
-        let set = if d.discrepancy.is_held_out() { "held-out discrepancy" } else { "discrepancy" };
-        if steps.len() > 1 {
+    let set = if d.discrepancy.is_held_out() { "held-out discrepancy" } else { "discrepancy" };
+    match d.discrepancy.held_out_set[..] {
+        [] => {}
+        [only] => report.push_key(set, format!("{only:.0}"), ""),
+        [first, .., last] => {
             report.push_key(format!("{set}, before and after"), format!("{first:.0} → {last:.0}"), "");
-        } else {
-            report.push_key(set, format!("{last:.0}"), "");
         }
+    }
+    if !d.discrepancy.held_out_set.is_empty() {
         report.push_estimate("noise floor", d.discrepancy.noise_floor, d.discrepancy.noise_floor_sd, "");
     }
     if !d.traces.deviations.is_empty() {
         let beyond = d.traces.deviations.iter().filter(|r| r.3.abs() > DEVIATION_LIMIT).count();
-        let all = d.traces.deviations.len();
-        report.push_key(
-            "statistics beyond five standard deviations",
-            beyond.to_string(),
-            &format!("of {all}"),
-        );
+        let all = format!("of {}", d.traces.deviations.len());
+        report.push_key("statistics beyond five standard deviations", beyond.to_string(), &all);
     }
 }
 
@@ -145,39 +131,27 @@ fn effect_figure(d: &Diagnosis) -> Option<PageElement> {
     if d.discrepancy.fitted_set.len() < 2 {
         return None;
     }
-    let drop = |row: &&(String, String, f64, f64)| row.2.abs() - row.3.abs();
+    let drop = |row: &&Deviation| row.2.abs() - row.3.abs();
     let (name, place, before, after) =
         d.traces.deviations.iter().max_by(|a, b| drop(a).total_cmp(&drop(b)))?;
-    let rows: Vec<_> = d.traces.deviations.iter().filter(|r| r.0 == *name).collect();
-    let names: Vec<String> = d
-        .effects
-        .iter()
-        .map(|e| e.name.to_owned())
-        .chain(d.parameter_mismatches.iter().map(|m| m.parameter.clone()))
-        .collect();
+    let effects = d.effects.iter().map(|e| e.name.to_owned());
+    let names: Vec<String> =
+        effects.chain(d.parameter_mismatches.iter().map(|m| m.parameter.clone())).collect();
     let title = format!(
-        "With {}, \u{201c}{name}\u{201d} in {place} falls from {} to {} standard deviations",
-        if names.is_empty() { "the fitted parameters".to_owned() } else { names.join(", ") },
-        one_decimal(*before),
-        one_decimal(*after)
+        "With {}, \u{201c}{name}\u{201d} in {place} falls from {before:.1} to {after:.1} standard deviations",
+        if names.is_empty() { "the fitted parameters".to_owned() } else { names.join(", ") }
     );
-    let shown: Vec<RankedRow> = rows
-        .iter()
-        .take(MAX_SHOWN_DEVIATIONS)
-        .map(|r| RankedRow { name: r.1.clone(), values: vec![r.2, r.3] })
-        .collect();
+    let rows = d.traces.deviations.iter().filter(|r| r.0 == *name).take(MAX_SHOWN_DEVIATIONS);
+    let rows: Vec<RankedRow> =
+        rows.map(|r| RankedRow { name: r.1.clone(), values: vec![r.2, r.3] }).collect();
     Some(ranked_bars(
         &title,
         "recordings minus model, standard deviations",
         &["without the effect", "with the effect"],
-        &shown,
+        &rows,
         Some((DEVIATION_LIMIT, "limit")),
         "The statistic that the added effect changes most, in all recordings. The limit is exceeded by some statistic of one in 1,000 sensors that follow the model.",
     ))
-}
-
-fn one_decimal(x: f64) -> String {
-    format!("{x:.1}")
 }
 
 /// Plots the mean square deviation of the statistics of each recording before and after effects were added.
@@ -186,23 +160,17 @@ fn recording_discrepancies(d: &Diagnosis) -> Option<PageElement> {
     let mut places: Vec<&str> = d.traces.deviations.iter().map(|r| r.1.as_str()).collect();
     places.sort_unstable();
     places.dedup();
-    let mean_square = |place: &str, after: bool| {
-        let all = d.traces.deviations.iter().filter(|r| r.1 == place);
-        let (sum, count) =
-            all.fold((0.0, 0.0), |(sum, n), r| (sum + (if after { r.3 } else { r.2 }).powi(2), n + 1.0));
+    let mean_square = |place: &str, value: fn(&Deviation) -> f64| {
+        let squares = d.traces.deviations.iter().filter(|r| r.1 == place).map(|r| value(r).powi(2));
+        let (sum, count) = squares.fold((0.0, 0.0), |(sum, n), square| (sum + square, n + 1.0));
         sum / f64::max(count, 1.0)
     };
-    let mut rows: Vec<RankedRow> = places
-        .iter()
-        .map(|place| RankedRow {
-            name: (*place).to_owned(),
-            values: if added {
-                vec![mean_square(place, false), mean_square(place, true)]
-            } else {
-                vec![mean_square(place, false)]
-            },
-        })
-        .collect();
+    let values: &[fn(&Deviation) -> f64] = if added { &[|r| r.2, |r| r.3] } else { &[|r| r.2] };
+    let row = |place: &&str| RankedRow {
+        name: (*place).to_owned(),
+        values: values.iter().map(|value| mean_square(place, *value)).collect(),
+    };
+    let mut rows: Vec<RankedRow> = places.iter().map(row).collect();
     rows.sort_by(|a, b| b.values[0].total_cmp(&a.values[0]));
     rows.truncate(MAX_SHOWN_DEVIATIONS);
     let worst = rows.first()?.name.clone();
@@ -223,7 +191,7 @@ fn pull_figure(d: &Diagnosis) -> Option<PageElement> {
     if !largest.is_finite() {
         return None;
     }
-    let name = |l: &crate::verdict::diagnosis::DiagnosedLamp| {
+    let name = |l: &DiagnosedLamp| {
         l.source.as_ref().map_or_else(|| format!("{}, light {}", l.file, l.light), |s| format!("source {s}"))
     };
     let rows: Vec<RankedRow> =
@@ -242,30 +210,17 @@ fn pull_figure(d: &Diagnosis) -> Option<PageElement> {
 fn limit_tests(d: &Diagnosis) -> Table {
     let header = ["test", "fitted recordings", "held-out recordings", "limit", "result"];
     let percent = d.tests.first().map_or(0.0, |t| 100.0 * t.exceedance_probability);
-    let mut table = Table::new("Values behind the verdict", &header).open().with_note(format!(
+    let note = format!(
         "Of the sensors that follow the model, {percent} % exceed a limit. The total deviation is the squared distance of all statistics from the model. The other two values are in standard deviations. The held-out recordings are tested after an effect was added."
-    ));
+    );
     let number =
         |x: f64| Cell::number(x, if x.abs() < 100.0 { format!("{x:.1}") } else { format!("{x:.0}") });
-    for test in &d.tests {
-        table.push_row([
-            Cell::from(test.quantity),
-            number(test.fitted_set),
-            test.held_out_set.map_or_else(|| Cell::from("not tested"), number),
-            number(test.limit),
-            Cell::from(if test.passes() { "passes" } else { "exceeds the limit" }),
-        ]);
-    }
-    table
-}
-
-/// Returns the faults, which precede all results.
-fn faults(d: &Diagnosis) -> Vec<PageElement> {
-    if d.faults.is_empty() {
-        return Vec::new();
-    }
-    let items = d.faults.iter().map(crate::Fault::sentence).collect();
-    vec![PageElement::heading("Faults of the recordings"), PageElement::List { items }]
+    let row = |t: &LimitTest| {
+        let held_out = t.held_out_set.map_or_else(|| Cell::from("not tested"), number);
+        let result = if t.passes() { "passes" } else { "exceeds the limit" };
+        row![t.quantity, number(t.fitted_set), held_out, number(t.limit), result]
+    };
+    Table::new("Values behind the verdict", &header).open().with_note(note).with_rows(d.tests.iter().map(row))
 }
 
 /// Describes the effects that the set cannot show.
@@ -332,38 +287,26 @@ fn summary(d: &Diagnosis) -> String {
     }
 }
 
-fn findings(d: &Diagnosis) -> Vec<Table> {
+fn findings(d: &Diagnosis) -> [Table; 2] {
     let header = ["effect", "parameter", "value (95 % interval)", "ambiguous with", "evidence"];
-    let mut table = Table::new("Effects and mismatches", &header).open();
+    let mut findings = Table::new("Effects and mismatches", &header).open();
     for e in &d.effects {
         for (i, p) in e.parameters.iter().enumerate() {
             let (ties, evidence) =
                 if i == 0 { (e.ambiguous_with.join(", "), e.evidence.as_str()) } else { (String::new(), "") };
-            table.push_row([
-                Cell::from(e.name),
-                Cell::from(p.name),
-                Cell::interval(p.value, p.low, p.high),
-                Cell::from(ties),
-                Cell::from(evidence),
-            ]);
+            findings.push_row(row![e.name, p.name, Cell::interval(p.value, p.low, p.high), ties, evidence]);
         }
     }
-    for m in &d.parameter_mismatches {
+    let mismatch = |m: &ParameterMismatch| {
+        let kind = if m.is_tentative { "tentative mismatch" } else { "mismatch" };
         let note = format!("the model has {}", format_value(m.model_value, m.low, m.high));
-        table.push_row([
-            Cell::from(if m.is_tentative { "tentative mismatch" } else { "mismatch" }),
-            Cell::from(&m.parameter),
-            Cell::interval(m.fitted_value, m.low, m.high),
-            Cell::from(m.ambiguous_with.join(", ")),
-            Cell::from(note),
-        ]);
-    }
-    let mut statistics =
-        Table::new("Unexplained statistics", &["statistic", "deviation, standard deviations"]).open();
-    for u in &d.unexplained {
-        statistics.push_row([Cell::from(&u.r#where), Cell::number(u.z, format!("{:+.1}", u.z))]);
-    }
-    vec![table, statistics]
+        let value = Cell::interval(m.fitted_value, m.low, m.high);
+        row![kind, &m.parameter, value, m.ambiguous_with.join(", "), note]
+    };
+    let unexplained = Table::new("Unexplained statistics", &["statistic", "deviation, standard deviations"])
+        .open()
+        .with_rows(d.unexplained.iter().map(|u| row![&u.r#where, Cell::number(u.z, format!("{:+.1}", u.z))]));
+    [findings.with_rows(d.parameter_mismatches.iter().map(mismatch)), unexplained]
 }
 
 /// Returns a table with one row for each lamp.
@@ -373,60 +316,46 @@ fn lamps(d: &Diagnosis) -> Table {
     let mut titles = vec!["recording", "light", "uncertainty, %", "found minus stated light, %", "pull"];
     titles.extend(moved.iter().map(String::as_str));
     const TEXT: &str = "The light of each recording is a parameter of every fit. The pull is the deviation of the found light from the stated light, divided by the uncertainty of the light. If the levels contradict a stated uncertainty, the table has the larger uncertainty that the diagnosis used. The last columns show how a named parameter changes if the light of one recording increases by its error.";
-    let mut table = Table::new("Light of the recordings", &titles).with_note(TEXT);
-    for lamp in &d.lamps {
-        let mut row = vec![
-            Cell::from(
-                lamp.source
-                    .as_ref()
-                    .map_or_else(|| lamp.file.clone(), |s| format!("source {s} ({})", lamp.file)),
-            ),
-            Cell::from(&lamp.light),
-            Cell::value(100.0 * lamp.uncertainty, ""),
-            Cell::estimate(100.0 * lamp.deviation, 100.0 * lamp.error, ""),
-            Cell::number(lamp.pull, format!("{:+.1}", lamp.pull)),
-        ];
-        row.extend(lamp.impacts.iter().map(|i| Cell::number(i.change, format!("{:+.1e}", i.change))));
-        table.push_row(row);
-    }
-    table
+    let row = |lamp: &DiagnosedLamp| {
+        let name = match &lamp.source {
+            Some(source) => format!("source {source} ({})", lamp.file),
+            None => lamp.file.clone(),
+        };
+        let deviation = Cell::estimate(100.0 * lamp.deviation, 100.0 * lamp.error, "");
+        let pull = Cell::number(lamp.pull, format!("{:+.1}", lamp.pull));
+        let impacts = lamp.impacts.iter().map(|i| Cell::number(i.change, format!("{:+.1e}", i.change)));
+        row![name, &lamp.light, 100.0 * lamp.uncertainty, deviation, pull]
+            .into_iter()
+            .chain(impacts)
+            .collect::<Vec<Cell>>()
+    };
+    Table::new("Light of the recordings", &titles).with_note(TEXT).with_rows(d.lamps.iter().map(row))
 }
 
 /// Returns a table with the upper limit of each effect that was not added.
 fn effect_limits(d: &Diagnosis) -> Table {
     const TEXT: &str = "With 95 % confidence, the strength of an effect is below its limit, if the model lacks no other effect. A strength is the difference of the parameter from its value in the model. An effect with several shapes, such as time constants, has the largest limit of the tried shapes.";
     let header = ["effect", "parameter", "limit", "median over shapes"];
-    let mut table = Table::new("Upper limits of other effects", &header).with_note(TEXT);
-    for l in &d.limits {
-        let largest = l.largest_tried;
-        let number = |limit: Option<f64>| {
-            limit.map_or_else(
-                || Cell::from(format!("none below {}", without_error(largest))),
-                |limit| Cell::number(limit, without_error(limit)),
-            )
-        };
-        table.push_row([
-            Cell::from(l.name),
-            Cell::from(l.parameter),
-            number(l.limit),
-            number(l.median_limit),
-        ]);
-    }
-    table
+    let row = |l: &EffectLimit| {
+        let [limit, median] = [l.limit, l.median_limit].map(|limit| match limit {
+            Some(limit) => Cell::from(limit),
+            None => Cell::from(format!("none below {}", without_error(l.largest_tried))),
+        });
+        row![l.name, l.parameter, limit, median]
+    };
+    Table::new("Upper limits of other effects", &header).with_note(TEXT).with_rows(d.limits.iter().map(row))
 }
 
 /// Plots the discrepancy after each step. If no effect was added, returns `None`, because the key numbers have the value.
 fn discrepancy_figure(d: &Diagnosis) -> Option<PageElement> {
     const MEASURE: &str = "The discrepancy is the squared distance of the statistics from the model, without the directions that calibration fits.";
     let Discrepancy {
-        fitted_set: fitted_values,
-        held_out_set: held_out_values,
+        fitted_set: fitted,
+        held_out_set: judged,
         noise_floor: floor,
         noise_floor_sd: floor_sd,
     } = &d.discrepancy;
-    if fitted_values.len() < 2 {
-        return None;
-    }
+    let [first, .., last] = judged[..] else { return None };
     let held_out = d.discrepancy.is_held_out();
     let (sets, recordings): (&[&str], _) = if held_out {
         (&["fitted recordings", "held-out recordings"], "of the held-out recordings")
@@ -438,9 +367,7 @@ fn discrepancy_figure(d: &Diagnosis) -> Option<PageElement> {
         values: if held_out { vec![*a, *b] } else { vec![*a] },
     };
     let rows: Vec<RankedRow> =
-        d.traces.discrepancy_labels.iter().zip(fitted_values.iter().zip(held_out_values)).map(row).collect();
-    let [first, last] =
-        [held_out_values.first(), held_out_values.last()].map(|v| v.copied().unwrap_or_default());
+        d.traces.discrepancy_labels.iter().zip(fitted.iter().zip(judged)).map(row).collect();
     Some(ranked_bars(
         &format!("The discrepancy {recordings} falls from {first:.0} to {last:.0}"),
         "squared distance, standard deviations squared",
@@ -459,24 +386,20 @@ fn deviations_figure(d: &Diagnosis) -> PageElement {
     rows.sort_by(|a, b| b.2.abs().max(b.3.abs()).total_cmp(&a.2.abs().max(a.3.abs())));
     // If no effect was added, the deviations before and after are equal.
     let added = d.discrepancy.fitted_set.len() > 1;
-    let row = |(name, place, before, after): &(String, String, f64, f64)| RankedRow {
+    let row = |(name, place, before, after): &Deviation| RankedRow {
         name: format!("{place}: {name}"),
         values: if added { vec![*before, *after] } else { vec![*before] },
     };
     let shown: Vec<RankedRow> = rows.iter().take(MAX_SHOWN_DEVIATIONS).map(|r| row(r)).collect();
     let exceeding =
-        |after: bool| rows.iter().filter(|r| (if after { r.3 } else { r.2 }).abs() > DEVIATION_LIMIT).count();
-    let series: &[&str] = if added { &["before", "after"] } else { &["recordings minus model"] };
-    let title = if added {
-        format!(
-            "{} of {} statistics are beyond five standard deviations before, {} after",
-            exceeding(false),
-            rows.len(),
-            exceeding(true)
-        )
+        |value: fn(&Deviation) -> f64| rows.iter().filter(|r| value(r).abs() > DEVIATION_LIMIT).count();
+    let (before, after, all) = (exceeding(|r| r.2), exceeding(|r| r.3), rows.len());
+    let (series, end): (&[&str], _) = if added {
+        (&["before", "after"], format!(" before, {after} after"))
     } else {
-        format!("{} of {} statistics are beyond five standard deviations", exceeding(false), rows.len())
+        (&["recordings minus model"], String::new())
     };
+    let title = format!("{before} of {all} statistics are beyond five standard deviations{end}");
     ranked_bars(
         &title,
         "standard deviations",

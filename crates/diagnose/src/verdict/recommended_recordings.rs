@@ -2,14 +2,9 @@
 
 use crate::null_model::model::NullModel;
 use crate::search::round::{Entrant, Round, tied};
+use crate::thresholds::{DISTINCT_SDS, MAX_LENGTH_FACTOR};
 use crate::verdict::qualifications::definition;
 use spikelane::effects::AmbiguityGroup;
-
-/// Number of standard deviations between two fitted models at which they count as distinguished.
-const DISTINCT_SDS: f64 = 5.0;
-
-/// Largest recommended length of a recording, relative to the present one.
-const MAX_LENGTH_FACTOR: f64 = 400.0;
 
 /// Returns one sentence for each effect that is ambiguous with a retained effect.
 pub(crate) fn recommended_recordings(reference: &NullModel, rounds: &[Round]) -> Vec<String> {

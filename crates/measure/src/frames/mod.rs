@@ -127,20 +127,6 @@ impl FrameStatistics {
         self.readouts
     }
 
-    /// Returns the mean number of spikes per readout.
-    ///
-    /// The standard error `sd / sqrt(T)` assumes `T` independent readouts. Regular spiking anticorrelates the totals.
-    /// The true error is then smaller.
-    #[must_use]
-    pub fn mean_total(&self) -> Estimate {
-        let n = f64::from(self.readouts);
-        Estimate {
-            value: self.sums.a as f64 / n,
-            error: (self.sums.covariance(self.readouts) / n).sqrt(),
-            samples: self.readouts as usize,
-        }
-    }
-
     /// Returns the unbiased variance of the totals, in spikes squared.
     ///
     /// The standard error is `sqrt(2 / (T - 1))` times the variance, for `T` readouts. It is valid for normal and
@@ -168,20 +154,6 @@ impl FrameStatistics {
     #[must_use]
     pub const fn max_distance(&self) -> Option<ExtremeReadout> {
         self.max_distance
-    }
-
-    /// Returns the readouts whose distance from the preceding readout is below `share` times the median distance. Only
-    /// the first [`MeasureOptions::series_readouts`] readouts are examined.
-    ///
-    /// For independent pixels the standard deviation of a distance `d` is below `sqrt(d)`. With more than a few hundred
-    /// spikes per readout, chance alone practically never causes a distance below 0.5 times the median.
-    #[must_use]
-    pub fn near_repeats(&self, share: f64) -> Vec<u32> {
-        let mut sorted: Vec<f64> = self.distances.iter().map(|d| f64::from(*d)).collect();
-        let limit = share * super::estimate::median(&mut sorted);
-        let close = |(_, d): &(usize, &u32)| f64::from(**d) < limit;
-        let repeats = self.distances.iter().enumerate().filter(close);
-        repeats.map(|(i, _)| i as u32 + 1).collect()
     }
 
     /// Returns the mean covariance between the left and the right half of the same row, minus the mean covariance

@@ -8,10 +8,7 @@
 
 use std::ops::Range;
 
-use wide::{i16x8, i32x8};
-
 use super::pixel::{CUMULATIVE_FENCES, PixelSums};
-use super::readout_sums::Table;
 use spikelane::unstable::kernels::{I16_LANES, I16Lanes};
 
 /// Returns the largest span of spike times, in readouts, for which the sums of lags up to `max_lag` fit into 32 bits.
@@ -93,34 +90,6 @@ pub(super) fn sum_squares<S: I16Lanes>(
     }
     let totals = s.totals(sums);
     std::array::from_fn(|i| totals[i] as u64)
-}
-
-/// For each spike in `times[from..end]`, adds a deviation to the entry of `table` at the spike's time. The deviation is
-/// the interval that ends at the spike minus `reference`, in units of 1/16 readout.
-///
-/// Zeros follow the last interval. The deviation of such a zero is masked to 0, so the entry of `table` does not
-/// change.
-#[inline(always)]
-pub(super) fn add_deviations(
-    times: &[i16],
-    intervals: &[i16],
-    from: usize,
-    end: usize,
-    reference: u32,
-    table: &mut Table,
-) {
-    let n = (end - from).next_multiple_of(8);
-    let reference = i32x8::splat(reference as i32);
-    // Eight deviations are computed at a time. Sixteen would not fit into the registers, and spilling to memory would
-    // double the time.
-    let eights = chunks::<8>(times, from, n);
-    for (times, x) in eights.iter().zip(chunks(intervals, from, n)) {
-        let x = i32x8::from_i16x8(i16x8::new(*x));
-        let deviations: i32x8 = ((x << 4) - reference) & x.simd_gt(i32x8::splat(0));
-        for (time, deviation) in times.iter().zip(deviations.to_array()) {
-            table[usize::from(*time as u16)] += deviation;
-        }
-    }
 }
 
 /// Extremes and fence counts of the new intervals of a pixel. The histogram uses them.

@@ -1,11 +1,10 @@
-//! Inter-spike intervals: sums per pixel, a histogram over all pixels, and mean deviations per readout.
+//! Inter-spike intervals: sums per pixel, and a histogram over all pixels.
 
 mod decode;
 mod fast;
 mod histogram;
 mod parts;
 mod pixel;
-mod readout_sums;
 mod result;
 #[cfg(test)]
 mod tests;
@@ -20,18 +19,14 @@ use super::counts::NO_SPIKE;
 use decode::{Histories, History};
 use histogram::BlockHistogram;
 use parts::OpenPart;
-use pixel::PixelSums;
-pub(super) use readout_sums::DeviationSum;
-use readout_sums::REFERENCE_INTERVALS;
-use readout_sums::ReadoutSums;
+use pixel::{PixelSums, REFERENCE_INTERVALS};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::kernels::{BLOCK_WORDS, BitOps, I16Lanes, OVERRUN, Positions, Task, dispatch_task};
 use spikelane::unstable::spikes::set_bits;
 
 pub(super) use decode::MAX_LAG_INTERVALS;
 pub use histogram::{IntervalHistogram, total_variation};
-use result::Snapshot;
-pub use result::{HalfMaps, Intervals, PixelIntervals, ReadoutDeviation};
+pub use result::{Intervals, PixelIntervals};
 pub use variance::PhaseNoise;
 
 /// Accumulates the sums of the intervals that were added so far.
@@ -43,7 +38,6 @@ pub(super) struct IntervalAccumulator {
     /// The last `depth` spike times of each pixel in ascending order.
     history: Vec<u32>,
     span_limit: u32,
-    series_readouts: usize,
     /// The clock of the spike times, and the number of pixels of the sensor before the band.
     clock: Option<(Arc<LightClock>, usize)>,
     scratch: Scratch,
@@ -59,7 +53,6 @@ struct Scratch {
     times: Box<Positions>,
     intervals: Vec<i16>,
     exact: Vec<u32>,
-    readouts: ReadoutSums,
 }
 
 /// Task that adds a block to the sums.
@@ -89,15 +82,8 @@ impl IntervalAccumulator {
 
     /// Returns an empty accumulator for a band of rows.
     ///
-    /// `lags` is sorted and begins with 1. `cap` is the longest interval that has its own histogram bin. `series` is the
-    /// number of readouts for which deviations are stored.
-    pub(super) fn new(
-        geometry: Geometry,
-        rows: Range<usize>,
-        lags: Vec<u32>,
-        cap: u32,
-        series: usize,
-    ) -> Self {
+    /// `lags` is sorted and begins with 1. `cap` is the longest interval that has its own histogram bin.
+    pub(super) fn new(geometry: Geometry, rows: Range<usize>, lags: Vec<u32>, cap: u32) -> Self {
         let pixels = rows.len() * geometry.width();
         let max_lag = lags.last().copied().unwrap_or(1);
         let depth = (max_lag as usize).max(REFERENCE_INTERVALS);
@@ -107,14 +93,12 @@ impl IntervalAccumulator {
             depth,
             history: vec![0; pixels * depth],
             span_limit: fast::span_limit(max_lag),
-            series_readouts: series,
             clock: None,
             open_parts: [None, None],
             scratch: Scratch {
                 times: Box::new([0; _]),
                 intervals: vec![0; room],
                 exact: Vec::with_capacity(room),
-                readouts: ReadoutSums::new(),
             },
             result: Intervals {
                 geometry,
@@ -125,8 +109,6 @@ impl IntervalAccumulator {
                 lags,
                 latest_spikes: Vec::new(),
                 histogram: IntervalHistogram::new(cap),
-                split: None,
-                deviations: Vec::new(),
             },
         }
     }
@@ -137,16 +119,6 @@ impl IntervalAccumulator {
         self.clock = Some((clock, first));
     }
 
-    /// Whether [`Self::push`] still needs the spike counts of readouts, because the series of deviations is incomplete.
-    pub(super) fn needs_totals(&self) -> bool {
-        self.result.deviations.len() < self.series_readouts
-    }
-
-    /// Stores the number of spikes of readout `i` of the next block. Call it before [`Self::process`].
-    pub(super) fn push(&mut self, i: usize, spikes: u32) {
-        self.scratch.readouts.spikes[i] = spikes;
-    }
-
     /// Adds a block. `start` is the readout number of its first readout.
     pub(super) fn process(&mut self, block: &Block, start: u32) {
         dispatch_task(IntervalTask { state: self, block, start });
@@ -154,9 +126,7 @@ impl IntervalAccumulator {
 
     #[inline(always)]
     fn process_block<S: I16Lanes, B: BitOps>(&mut self, s: S, b: B, block: &Block, start: u32) {
-        let room = (self.series_readouts - self.result.deviations.len()).min(block.len());
         let mut histories = Histories::new();
-        self.scratch.readouts.begin(start);
         let mut group = 0;
         for at in 0..block.band_words() {
             let (row, column) = (at / block.stride(), at % block.stride() * 64);
@@ -168,9 +138,6 @@ impl IntervalAccumulator {
             if at % BLOCK_WORDS == 0 {
                 histories.gather(b, block, at);
             }
-            if at % (readout_sums::MAX_PIXELS_PER_SUM / 64) == 0 {
-                self.scratch.readouts.flush();
-            }
             let pixels = 64.min(block.width() - column);
             for i in 0..pixels {
                 let words = histories.pixel(at, i);
@@ -180,8 +147,6 @@ impl IntervalAccumulator {
             }
         }
         self.tally.flush(&mut self.result.histogram, group);
-        self.scratch.readouts.flush();
-        self.result.deviations.extend(self.scratch.readouts.sums(room));
         self.result.readouts = start + block.len() as u32;
     }
 
@@ -221,8 +186,7 @@ impl IntervalAccumulator {
         let before = start.wrapping_sub(self.history[p * self.depth]);
         // If all spikes of the history are in this block, the oldest time is after `start` and `before` is negative.
         // Adding the block length makes the number positive.
-        let near = before.wrapping_add(MAX_BLOCK_READOUTS as u32) <= self.span_limit;
-        if near && self.result.pixels[p].reference <= readout_sums::LARGEST_REFERENCE {
+        if before.wrapping_add(MAX_BLOCK_READOUTS as u32) <= self.span_limit {
             self.add_fast(s, b, p, words, start);
         } else {
             self.add_exact(p, words, start);
@@ -232,7 +196,7 @@ impl IntervalAccumulator {
     #[inline(always)]
     fn add_fast<S: I16Lanes, B: BitOps>(&mut self, s: S, b: B, p: usize, words: &History, start: u32) {
         let depth = self.depth;
-        let Scratch { times, intervals, readouts, .. } = &mut self.scratch;
+        let Scratch { times, intervals, .. } = &mut self.scratch;
         let history = &mut self.history[p * depth..(p + 1) * depth];
         for (time, old) in times.iter_mut().zip(history.iter()) {
             *time = old.wrapping_sub(start) as i16;
@@ -262,9 +226,6 @@ impl IntervalAccumulator {
         }
         pixel.spikes += (end - depth) as u32;
         self.tally.add_new_intervals(s, &new_intervals, pixel.center(), intervals, depth..end);
-        if self.result.deviations.len() < self.series_readouts {
-            fast::add_deviations(times, intervals, depth, end, pixel.reference, &mut readouts.table);
-        }
         for (old, time) in history.iter_mut().zip(&times[end - depth..end]) {
             *old = start.wrapping_add_signed(i32::from(*time));
         }
@@ -289,9 +250,7 @@ impl IntervalAccumulator {
         for open in self.open_parts.iter_mut().flatten() {
             open.add_exact(p, pixel.spikes, times, known);
         }
-        // Times of a clock are not readouts, so they have no deviations.
-        let readouts = if self.clock.is_none() { Some(&mut self.scratch.readouts) } else { None };
-        pixel.add_each(times, known, lags, sums, readouts);
+        pixel.add_each(times, known, lags, sums);
         for k in known.max(1)..times.len() {
             self.tally.add(k, times[k] - times[k - 1]);
         }
@@ -306,21 +265,10 @@ impl IntervalAccumulator {
 
     /// Ends part `which` and returns its intervals, or `None` if the part never began.
     ///
-    /// The result does not contain the histogram of lengths, the extremes or the deviations per readout.
+    /// The result does not contain the histogram of lengths or the extremes.
     pub(super) fn end_part(&mut self, which: usize) -> Option<Intervals> {
         let open = self.open_parts[which].take()?;
         Some(open.end(&self.result, &self.history))
-    }
-
-    /// Saves the sums at the end of the first half of the stream.
-    pub(super) fn mark_split(&mut self) {
-        let lags = self.result.lags.len();
-        let last = self.history.chunks_exact(self.depth);
-        self.result.split = Some(Snapshot {
-            spikes: self.result.pixels.iter().map(|p| p.spikes).collect(),
-            last: last.map(|h| h[self.depth - 1]).collect(),
-            squares: self.result.sums.iter().step_by(lags).map(|s| s[1]).collect(),
-        });
     }
 
     /// Completes, for each lag `n`, the sum of `t_(k+n) - t_k` over the spike times `t_k` of a pixel. This sum equals

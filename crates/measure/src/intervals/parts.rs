@@ -7,8 +7,7 @@
 //! intervals. Therefore intervals beyond the fences are counted for each part separately.
 
 use super::fast::{self, NewIntervals};
-use super::pixel::PixelSums;
-use super::readout_sums::REFERENCE_INTERVALS;
+use super::pixel::{PixelSums, REFERENCE_INTERVALS};
 use super::{IntervalHistogram, Intervals, MAX_LAG_INTERVALS, NO_SPIKE};
 use spikelane::unstable::kernels::{I16Lanes, MAX_SPIKES};
 
@@ -171,8 +170,6 @@ impl OpenPart {
             sums: self.sums,
             latest_spikes: latest,
             histogram: IntervalHistogram::new(total.histogram.longest_bin()),
-            split: None,
-            deviations: Vec::new(),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The sums of one pixel, and the exact path, which adds spikes one by one.
 
-use super::readout_sums::{REFERENCE_INTERVALS, ReadoutSums};
+/// Number of intervals in the reference of a pixel. The reference consists of the first intervals of the pixel.
+pub(super) const REFERENCE_INTERVALS: usize = 16;
 
 /// Number of fences at whole readouts. They range from 3 readouts below to 2 readouts above the rounded reference mean.
 pub(super) const CUMULATIVE_FENCES: usize = 6;
@@ -78,15 +79,7 @@ impl PixelSums {
     ///
     /// `times[..known]` are the preceding spikes: the whole history, or all earlier spikes if the pixel has fired fewer
     /// times. For each lag `n`, `sums` contains the sum of the first `n` times and the sum of squared differences.
-    /// `readouts` receives the deviations of the intervals.
-    pub(super) fn add_each(
-        &mut self,
-        times: &[u32],
-        known: usize,
-        lags: &[u32],
-        sums: &mut [[u64; 2]],
-        mut readouts: Option<&mut ReadoutSums>,
-    ) {
+    pub(super) fn add_each(&mut self, times: &[u32], known: usize, lags: &[u32], sums: &mut [[u64; 2]]) {
         for i in known..times.len() {
             for (lag, sum) in lags.iter().zip(sums.iter_mut()) {
                 match i.checked_sub(*lag as usize) {
@@ -109,16 +102,7 @@ impl PixelSums {
                     self.count_at_fences(times[k] - times[k - 1]);
                 }
             } else if ordinal > REFERENCE_INTERVALS {
-                let interval = times[i] - times[i - 1];
-                self.count_at_fences(interval);
-                if let Some(readouts) = &mut readouts {
-                    readouts.add_deviation(times[i], interval, self.reference);
-                }
-            }
-            if ordinal <= REFERENCE_INTERVALS
-                && let Some(readouts) = &mut readouts
-            {
-                readouts.count_skipped(times[i]);
+                self.count_at_fences(times[i] - times[i - 1]);
             }
         }
     }

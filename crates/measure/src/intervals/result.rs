@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use super::super::estimate::{Estimate, median};
+use super::super::estimate::Estimate;
+use super::IntervalHistogram;
 use super::pixel::{CUMULATIVE_FENCES, PixelSums};
-use super::readout_sums::REFERENCE_INTERVALS;
-use super::{DeviationSum, IntervalHistogram};
 use spikelane::spikes::Geometry;
 
 /// Interval statistics of a band of rows.
@@ -25,16 +24,6 @@ pub struct Intervals {
     /// Readouts of the last three spikes of each pixel.
     pub(super) latest_spikes: Vec<[u32; 3]>,
     pub(super) histogram: IntervalHistogram,
-    pub(super) split: Option<Snapshot>,
-    pub(super) deviations: Vec<DeviationSum>,
-}
-
-/// Spike count, last spike and sum of squared intervals of each pixel at the split between the halves of the stream.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Snapshot {
-    pub(super) spikes: Vec<u32>,
-    pub(super) last: Vec<u32>,
-    pub(super) squares: Vec<u64>,
 }
 
 /// The intervals of one pixel.
@@ -57,32 +46,6 @@ pub struct PixelIntervals {
     /// `None` with fewer than 16 intervals, or if `m` differs by about two readouts or more from the mean of the first
     /// 16 intervals.
     pub off_lattice_count: Option<u32>,
-}
-
-/// Maps of the first and of the second half of a stream, for the pixels of a band.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct HalfMaps {
-    /// Rates of the first and of the second half, in spikes per readout, computed from spike times. An interval across
-    /// the split belongs to the second half.
-    pub rate: [Vec<f64>; 2],
-    /// Variance of the intervals of each half about the mean of that half, in readouts squared.
-    pub variance: [Vec<f64>; 2],
-}
-
-/// Mean deviation of the intervals that end at one readout. The deviation of an interval is its length minus the mean
-/// of its pixel's first 16 intervals.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-#[non_exhaustive]
-pub struct ReadoutDeviation {
-    /// The readout.
-    pub readout: u32,
-    /// Mean deviation at this readout minus the mean deviation over all readouts, in readouts.
-    pub mean: f64,
-    /// The mean deviation divided by its standard error.
-    pub sigmas: f64,
-    /// Number of intervals that end at this readout.
-    pub intervals: u32,
 }
 
 impl Intervals {
@@ -194,81 +157,6 @@ impl Intervals {
         })
     }
 
-    /// Returns maps of the two halves of the stream. Returns `None` if [`super::super::MeasureOptions::split`] was not set,
-    /// or if the stream ended before the split.
-    #[must_use]
-    pub fn half_maps(&self) -> Option<HalfMaps> {
-        let split = self.split.as_ref()?;
-        let half = |which: usize| {
-            let both = (0..self.len()).map(|p| self.half(split, p, which));
-            both.unzip()
-        };
-        let (first, second) = (half(0), half(1));
-        Some(HalfMaps { rate: [first.0, second.0], variance: [first.1, second.1] })
-    }
-
-    fn half(&self, split: &Snapshot, p: usize, which: usize) -> (f64, f64) {
-        let early = match split.spikes[p] {
-            0 => (0, 0),
-            n => (n - 1, split.last[p] - self.pixels[p].first_spikes[0]),
-        };
-        let all = self.span(p);
-        let squares = self.sums[p * self.lags.len()][1];
-        let (n, sum, squares) = match which {
-            0 => (early.0, early.1, split.squares[p]),
-            _ => (all.0 - early.0, all.1 - early.1, squares - split.squares[p]),
-        };
-        if n == 0 {
-            return (f64::NAN, f64::NAN);
-        }
-        let (n, sum, squares) = (u128::from(n), u128::from(sum), u128::from(squares));
-        // By the Cauchy-Schwarz inequality n * squares >= sum * sum, so the unsigned subtraction cannot underflow.
-        let variance = (n * squares - sum * sum) as f64 / (n * n) as f64;
-        (n as f64 / sum as f64, variance)
-    }
-
-    /// Returns, for each readout, the mean deviation of the intervals that end at this readout. The deviation of an
-    /// interval is its length minus the mean of its pixel's first 16 intervals.
-    ///
-    /// The result covers the first [`super::super::MeasureOptions::series_readouts`] readouts. It omits readouts at which
-    /// fewer than `min_intervals` intervals end.
-    ///
-    /// In a static scene, a lost readout shortens every interval that spans it. A repeated readout adds an interval of
-    /// one readout for each pixel that fires in it, and lengthens the current interval of every other pixel. The
-    /// standard error of a mean deviation is `sqrt(D(1) / intervals)`, where `D(1)` is the mean interval variance.
-    #[must_use]
-    pub fn deviations(&self, min_intervals: u32) -> Vec<ReadoutDeviation> {
-        let enough = |d: &(usize, &DeviationSum)| d.1.spikes >= min_intervals.max(1);
-        let (sum, n) =
-            self.deviations.iter().fold((0, 0), |(sum, n), d| (sum + d.sum, n + u64::from(d.spikes)));
-        let scale = 1.0 / REFERENCE_INTERVALS as f64;
-        let overall = sum as f64 * scale / n as f64;
-        let variance = self.lag_variance(1, None).value;
-        let deviations = self.deviations.iter().enumerate().filter(enough);
-        deviations
-            .map(|(readout, d)| {
-                let mean = d.sum as f64 * scale / f64::from(d.spikes) - overall;
-                ReadoutDeviation {
-                    readout: readout as u32,
-                    mean,
-                    sigmas: mean / (variance / f64::from(d.spikes)).sqrt(),
-                    intervals: d.spikes,
-                }
-            })
-            .collect()
-    }
-
-    /// Returns the most negative and the most positive deviation. Readouts with fewer than half the median number of
-    /// intervals are ignored.
-    #[must_use]
-    pub fn deviation_extremes(&self) -> Option<(ReadoutDeviation, ReadoutDeviation)> {
-        let mut spikes: Vec<f64> = self.deviations.iter().map(|d| f64::from(d.spikes)).collect();
-        let min_spikes = median(&mut spikes) / 2.0;
-        let all = self.deviations(min_spikes.max(1.0) as u32);
-        let order = |a: &&ReadoutDeviation, b: &&ReadoutDeviation| a.sigmas.total_cmp(&b.sigmas);
-        Some((*all.iter().min_by(order)?, *all.iter().max_by(order)?))
-    }
-
     /// Returns the ratio `r = sum x / sum y` of two sums over pixels. The standard error comes from the scatter of `P`
     /// pixels, `sqrt(P/(P-1) sum (x - r y)^2) / sum y`.
     fn ratio(&self, pixels: Option<&[usize]>, of_pixel: impl Fn(usize) -> Option<(f64, f64)>) -> Estimate {
@@ -298,10 +186,7 @@ impl Intervals {
 
     /// Whether `other` was measured with the same options as `self`.
     pub(crate) fn has_same_options(&self, other: &Self) -> bool {
-        self.lags == other.lags
-            && self.histogram.longest_bin() == other.histogram.longest_bin()
-            && self.split.is_some() == other.split.is_some()
-            && self.deviations.len() == other.deviations.len()
+        self.lags == other.lags && self.histogram.longest_bin() == other.histogram.longest_bin()
     }
 
     /// Appends the intervals of the band below this band. The caller must check that the two bands are compatible.
@@ -311,15 +196,6 @@ impl Intervals {
         self.sums.extend(below.sums);
         self.latest_spikes.extend(below.latest_spikes);
         self.histogram.merge(&below.histogram);
-        if let (Some(split), Some(more)) = (&mut self.split, below.split) {
-            split.spikes.extend(more.spikes);
-            split.last.extend(more.last);
-            split.squares.extend(more.squares);
-        }
-        for (sum, more) in self.deviations.iter_mut().zip(below.deviations) {
-            sum.sum += more.sum;
-            sum.spikes += more.spikes;
-        }
     }
 }
 

@@ -4,7 +4,6 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
 use super::super::block::{Block, MAX_BLOCK_READOUTS};
-use super::super::frame_popcount;
 use super::{IntervalAccumulator, IntervalHistogram, Intervals};
 use spikelane::spikes::{Geometry, set_bit};
 use spikelane::unstable::kernels::AnyCpu;
@@ -52,7 +51,7 @@ struct TestMeasurement {
 
 impl TestMeasurement {
     fn new(geometry: Geometry, lags: &[u32], portable: bool) -> Self {
-        let state = IntervalAccumulator::new(geometry, 0..3, lags.to_vec(), 40, 3000);
+        let state = IntervalAccumulator::new(geometry, 0..3, lags.to_vec(), 40);
         Self { block: Block::new(geometry, 0..3), state, start: 0, portable }
     }
 
@@ -60,7 +59,6 @@ impl TestMeasurement {
     fn take(&mut self, frames: &[Vec<u8>]) {
         for frame in frames {
             self.block.append(frame);
-            self.state.push(self.block.len() - 1, frame_popcount::count_spikes(self.block.latest_words()));
         }
         self.block.clear_rest();
         match self.portable {
@@ -85,13 +83,12 @@ fn measure(width: u32, jitter: f64, seed: u64, portable: bool) -> Intervals {
     measured.state.finish()
 }
 
-/// Removes the values that the result of a part does not contain: histogram of lengths, extremes and deviations.
+/// Removes the values that the result of a part does not contain: histogram of lengths and extremes.
 fn as_part(mut part: Intervals) -> Intervals {
     for pixel in &mut part.pixels {
         (pixel.shortest, pixel.longest_interval) = (u32::MAX, 0);
     }
     part.histogram = IntervalHistogram::new(part.histogram.longest_bin());
-    part.deviations.clear();
     part
 }
 

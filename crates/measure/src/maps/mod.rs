@@ -86,18 +86,6 @@ pub(super) fn local_range(map: &[f64], width: usize, p: usize) -> [f64; 2] {
     [near.get(2), near.iter().rev().nth(2)].map(|x| x.copied().unwrap_or(f64::NAN))
 }
 
-/// Returns the pixels whose value is in `range`, in ascending order.
-///
-/// # Examples
-/// ```
-/// assert_eq!(spikelane_measure::select_rate(&[0.1, 0.5, 0.2, 0.9], &(0.15..0.6)), [1, 2]);
-/// ```
-#[must_use]
-pub fn select_rate(map: &[f64], range: &Range<f64>) -> Vec<usize> {
-    let inside = map.iter().enumerate().filter(|(_, x)| range.contains(*x));
-    inside.map(|(p, _)| p).collect()
-}
-
 /// Returns the pixels in uniform areas.
 ///
 /// For each selected pixel, the square box around the pixel meets two conditions. The box extends `radius` pixels to

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use super::PageElement;
-use super::escape::EscapedText;
 use super::plot::Axis;
+use super::text::EscapedText;
 use spikelane::error::{Error, ErrorKind, Result};
 
 /// Colors of the map from the lowest to the highest value. They are perceptually uniform (viridis).

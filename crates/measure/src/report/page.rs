@@ -2,10 +2,10 @@
 
 use std::fmt::{self, Display};
 
-use super::escape::EscapedText;
 use super::rounding::{with_error, without_error};
 use super::run_record::RunRecord;
 use super::table::Table;
+use super::text::EscapedText;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -208,6 +208,13 @@ impl Report {
     /// Adds elements between the key numbers and the tables.
     pub fn extend(&mut self, elements: impl IntoIterator<Item = PageElement>) {
         self.elements.extend(elements);
+    }
+
+    /// Adds a list of sentences below a heading. An empty list is omitted.
+    pub fn push_list(&mut self, heading: &str, items: Vec<String>) {
+        if !items.is_empty() {
+            self.extend([PageElement::heading(heading), PageElement::List { items }]);
+        }
     }
 
     /// Adds a table. A table without rows is omitted.

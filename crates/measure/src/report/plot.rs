@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use super::PageElement;
-use super::escape::EscapedText;
 use super::rounding::{power_of_ten, with_error, without_error};
+use super::text::EscapedText;
 
 /// Size of the drawing in SVG units. The page scales the drawing.
 const WIDTH: f64 = 520.0;

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use super::PageElement;
-use super::escape::EscapedText;
 use super::rounding::without_error;
+use super::text::EscapedText;
 
 /// A row of the plot: the name of a quantity, and a value for each series.
 #[derive(Clone, Debug)]

@@ -2,8 +2,9 @@
 
 use std::fmt::{self, Display};
 
-use super::escape::EscapedText;
 use super::rounding::{with_error, with_interval, without_error};
+use super::text::EscapedText;
+use crate::Estimate;
 
 /// A cell of a table: its text, and the numbers behind the text.
 ///
@@ -99,9 +100,37 @@ impl Display for Cell {
     }
 }
 
+impl From<f64> for Cell {
+    fn from(value: f64) -> Self {
+        Self::value(value, "")
+    }
+}
+
+impl From<Estimate> for Cell {
+    fn from(e: Estimate) -> Self {
+        Self::estimate(e.value, e.error, "")
+    }
+}
+
+/// Returns the array of the cells of a row: [`Cell::from`] of each value.
+#[macro_export]
+macro_rules! row {
+    ($($value:expr),+ $(,)?) => { [$($crate::report::Cell::from($value)),+] };
+}
+pub use row;
+
 /// A table. All rows have as many cells as the header.
 ///
 /// A page shows the table folded, sorts it by a click on a column name, and copies it as CSV.
+///
+/// # Examples
+/// ```
+/// use spikelane_measure::report::{Cell, Table, row};
+/// let lamps = [("a.dat", 0.31), ("b.dat", 0.28)];
+/// let table = Table::new("Light", &["recording", "light", "deviation"])
+///     .with_rows(lamps.map(|(file, light)| row![file, light, Cell::value(100.0 * (light - 0.3), "%")]));
+/// assert_eq!(table.rows[1][1].text(), "0.28");
+/// ```
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Table {
@@ -128,6 +157,13 @@ impl Table {
     /// Adds a row.
     pub fn push_row(&mut self, cells: impl IntoIterator<Item = impl Into<Cell>>) {
         self.rows.push(cells.into_iter().map(Into::into).collect());
+    }
+
+    /// Adds rows. [`row!`] makes a row of values of different types.
+    #[must_use]
+    pub fn with_rows<R: IntoIterator<Item = Cell>>(mut self, rows: impl IntoIterator<Item = R>) -> Self {
+        rows.into_iter().for_each(|row| self.push_row(row));
+        self
     }
 
     /// Unfolds the table.

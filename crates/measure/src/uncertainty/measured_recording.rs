@@ -10,10 +10,9 @@
 //! readouts.
 
 use super::quantity::Quantity;
-use super::recording_part::{self, RecordingPart};
 use super::scatter::{Scatter, gap_readouts};
 use crate::stream::{band_accumulators, join_accumulators};
-use crate::{Accumulator, MeasureOptions, Statistics};
+use crate::{Accumulator, Counts, Intervals, MeasureOptions, Statistics};
 use spikelane::error::Result;
 use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::inputs;
@@ -27,8 +26,7 @@ const BUFFER_READOUTS: usize = 248;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct MeasuredRecording {
-    /// Statistics of the whole recording, without the deviations of single readouts
-    /// ([`Intervals::deviations`](crate::Intervals::deviations)).
+    /// Statistics of the whole recording.
     pub statistics: Statistics,
     pub(super) scatter: Scatter,
 }
@@ -45,14 +43,13 @@ pub struct RecordingAccumulator {
 impl RecordingAccumulator {
     /// Returns an empty accumulator for `readouts` readouts of a sensor.
     ///
-    /// The accumulator uses the default options, but it does not measure deviations of single readouts.
+    /// The accumulator uses the default options.
     ///
     /// # Errors
     /// Those of [`Accumulator::new`].
     pub fn new(geometry: Geometry, readouts: usize) -> Result<Self> {
         let options = MeasureOptions::default();
-        // The report does not use the deviations of single readouts. Measuring them would take a third of the time.
-        let of_pixels = MeasureOptions { frames: false, series_readouts: 0, ..options.clone() };
+        let of_pixels = MeasureOptions { frames: false, ..options.clone() };
         let of_frames = MeasureOptions { counts: false, intervals: false, ..options.clone() };
         let mut accumulators = band_accumulators(geometry, &of_pixels)?;
         accumulators.push(Accumulator::new(geometry, &of_frames)?);
@@ -98,9 +95,9 @@ impl RecordingAccumulator {
     fn begin_parts(&mut self) {
         let half = self.readouts_pushed.is_multiple_of(2 * self.quarter);
         threads::map(&mut self.accumulators, |a| {
-            recording_part::begin(a, RecordingPart::Quarter);
+            begin_part(a, RecordingPart::Quarter);
             if half {
-                recording_part::begin(a, RecordingPart::Half);
+                begin_part(a, RecordingPart::Half);
             }
         });
     }
@@ -117,7 +114,7 @@ impl RecordingAccumulator {
     }
 
     fn end_part(&mut self, part: RecordingPart) -> Result<Statistics> {
-        let parts: Vec<_> = threads::map(&mut self.accumulators, |a| recording_part::end(a, part));
+        let parts: Vec<_> = threads::map(&mut self.accumulators, |a| end_part(a, part));
         Statistics::join(parts.into_iter().flatten().collect())
     }
 
@@ -127,6 +124,60 @@ impl RecordingAccumulator {
     /// Those of [`Statistics::join`].
     pub fn finish(self) -> Result<MeasuredRecording> {
         Ok(MeasuredRecording { statistics: join_accumulators(self.accumulators)?, scatter: self.scatter })
+    }
+}
+
+/// Kinds of parts. At most one part of each kind can be open at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum RecordingPart {
+    Half,
+    Quarter,
+}
+
+/// Begins a part of the recording at the next readout. The function has no effect if `accumulator` does not measure
+/// intervals.
+fn begin_part(accumulator: &mut Accumulator, part: RecordingPart) {
+    flush(accumulator);
+    if let Some(state) = &mut accumulator.intervals {
+        state.begin_part(part as usize);
+    }
+}
+
+/// Ends a part at the last readout that was pushed. Returns `None` if the part never began.
+///
+/// The result contains the intervals of the part, without the histogram of lengths and without the extremes. It also
+/// contains the counts of the part, without coincidences.
+fn end_part(accumulator: &mut Accumulator, part: RecordingPart) -> Option<Statistics> {
+    flush(accumulator);
+    let intervals = accumulator.intervals.as_mut()?.end_part(part as usize)?;
+    Some(Statistics {
+        geometry: accumulator.geometry,
+        rows: accumulator.rows.clone(),
+        readouts: intervals.readouts(),
+        counts: Some(interval_counts(&intervals)),
+        frames: None,
+        intervals: Some(intervals),
+        counts_before_split: None,
+    })
+}
+
+fn flush(accumulator: &mut Accumulator) {
+    if accumulator.intervals.is_some() && accumulator.block.len() > 0 {
+        accumulator.process();
+    }
+}
+
+/// Returns the counts that can be computed from the intervals.
+fn interval_counts(intervals: &Intervals) -> Counts {
+    let (first, last) = intervals.first_and_last_spikes().unzip();
+    Counts {
+        geometry: intervals.geometry,
+        rows: intervals.rows.clone(),
+        readouts: intervals.readouts(),
+        count: intervals.spikes().collect(),
+        first_spike: first,
+        last_spike: last,
+        coincidences: Default::default(),
     }
 }
 

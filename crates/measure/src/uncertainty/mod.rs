@@ -15,7 +15,6 @@ mod measured_recording;
 mod measurement_report;
 mod pattern;
 mod quantity;
-mod recording_part;
 mod scatter;
 mod scene_motion;
 mod totals;

@@ -4,9 +4,8 @@ use crate::measure_support::{Stream, uniform};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use spikelane_measure::{
-    Estimate, MeasureOptions, bootstrap, border_excess, dsnu_prnu, high_pass, line_structure,
-    map_correlations, median, median_and_spread, select_rate, select_uniform, summarize, tiled_mean,
-    trimmed_mean,
+    Estimate, MeasureOptions, border_excess, dsnu_prnu, high_pass, line_structure, map_correlations, median,
+    median_and_spread, select_uniform, summarize, tiled_mean,
 };
 
 const SIDE: usize = 96;
@@ -25,30 +24,22 @@ fn shaped(map: &[f64], factor: impl Fn(usize, usize) -> f64) -> Vec<f64> {
 }
 
 #[test]
-fn medians_and_trimmed_means_are_those_of_small_sets() {
+fn medians_are_those_of_small_sets() {
     assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
     assert_eq!(median(&mut [4.0, 1.0, 2.0, 3.0]), 2.5);
     assert!(median(&mut []).is_nan());
     let (center, spread) = median_and_spread(&mut [1.0, 2.0, 3.0, 4.0, 100.0]);
     assert_eq!((center, spread), (3.0, 1.4826));
-    let trimmed = trimmed_mean(&[1.0, 2.0, 3.0, 4.0, 1000.0, f64::NAN], 0.2);
-    assert_eq!((trimmed.value, trimmed.samples), (3.0, 5));
 }
 
 #[test]
 fn errors_of_means_of_white_noise_are_sd_over_root_n() {
     // The mean of 9216 pixels with sd 0.1 has the standard error 0.00104. An error estimated from 144 tiles scatters by
-    // 6 %. The 200 bootstrap resamples add a scatter of 5 %. Together they scatter by 8 %, so four standard deviations
-    // are about 0.3.
+    // 6 %, so four standard deviations are about 0.25.
     let map = white(0.1, 1);
     let expected = 0.1 / SIDE as f64;
-    let mean_of = |values: &mut Vec<f64>| Estimate::mean(values.iter().copied()).value;
-    for estimate in [
-        Estimate::mean(map.iter().copied()),
-        tiled_mean(&map, SIDE, 8),
-        bootstrap(&map, SIDE, 8, 200, 7, mean_of),
-    ] {
-        assert!((estimate.error / expected - 1.0).abs() < 0.3, "{estimate:?}");
+    for estimate in [Estimate::mean(map.iter().copied()), tiled_mean(&map, SIDE, 8)] {
+        assert!((estimate.error / expected - 1.0).abs() < 0.25, "{estimate:?}");
         assert!(estimate.sigmas_from(1.0).abs() < 4.0, "{estimate:?}");
     }
 }
@@ -168,7 +159,6 @@ fn correlations_of_a_smoothed_map_are_those_of_its_kernel() {
 #[test]
 fn uniform_areas_are_selected_and_edges_are_not() {
     let map: Vec<f64> = (0..SIDE * SIDE).map(|p| if p % SIDE < 40 { 0.2 } else { 0.5 }).collect();
-    assert_eq!(select_rate(&map, &(0.1..0.3)).len(), 40 * SIDE);
     let even = select_uniform(&map, SIDE, &(0.1..0.3), 2, 0.05);
     // If a box extends one column past the edge of the area, a fifth of its pixels are outside. Its median and median
     // deviation are then still those of the area. If three fifths were outside, both would change.
@@ -283,7 +273,5 @@ fn the_spectrum_holds_the_variance_and_shows_a_line() {
     // With a Hann window the central bin contains two thirds of the power of a line, which is 8.33. Noise adds 0.3.
     assert!((lines[0].power - 8.5).abs() < 0.6, "{:?}", lines[0]);
     assert!(lines.iter().all(|l| (l.frequency - 0.02).abs() < 0.0021));
-    // A tenth of the variance of white noise is in the lowest tenth of the frequencies.
-    assert!((measured.share_below(0.05) - (12.5 + 10.0) / 112.5).abs() < 0.02);
     assert!(spectrum(&totals, 7).is_err() && spectrum(&totals[..10], 16).is_err());
 }

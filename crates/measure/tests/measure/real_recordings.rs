@@ -66,7 +66,6 @@ fn the_wall_has_the_published_interval_variance() {
     println!("autocovariance {autos:?}");
     let counts = statistics.counts.as_ref().unwrap();
     println!("correlations {:?}", NeighborPair::ALL.map(|pair| counts.correlation(pair)));
-    println!("deviations {:?}", intervals.deviation_extremes());
     let frames = statistics.frames.as_ref().unwrap();
     println!("nearest {:?} farthest {:?}", frames.min_distance(), frames.max_distance());
     println!("rows {:?} columns {:?}", frames.row_covariance(), frames.column_covariance());

@@ -1,19 +1,52 @@
-//! Means of simulated vectors.
+//! Means and other statistics of simulated vectors.
 
 use crate::thresholds::{MIN_CHANGE_SDS, NORMAL_SQUARE_MEDIAN};
-use nalgebra::DVector;
-
-/// Returns the mean of lists of equal length.
-pub(crate) fn average_of(lists: &[Vec<f64>]) -> Vec<f64> {
-    let n = lists.len() as f64;
-    (0..lists[0].len()).map(|i| lists.iter().map(|l| l[i]).sum::<f64>() / n).collect()
-}
+use nalgebra::{DMatrix, DVector};
+use spikelane::unstable::draws::pattern_rng::PatternRng;
+use spikelane::unstable::draws::{RandomStream, Seeds};
 
 /// Returns the mean of vectors.
 pub(crate) fn average(vectors: &[DVector<f64>]) -> DVector<f64> {
     let mut sum = vectors[0].clone();
     vectors[1..].iter().for_each(|v| sum += v);
     sum / vectors.len() as f64
+}
+
+/// Returns the mean square of each entry of some vectors.
+pub(crate) fn mean_squares(vectors: &[DVector<f64>]) -> DVector<f64> {
+    let square = |j: usize| vectors.iter().map(|v| v[j] * v[j]).sum::<f64>() / vectors.len() as f64;
+    DVector::from_fn(vectors.first().map_or(0, |v| v.len()), |j, _| square(j))
+}
+
+/// Returns the standard deviation of each entry of some vectors.
+pub(crate) fn spread(vectors: &[DVector<f64>]) -> Vec<f64> {
+    let mean = average(vectors);
+    let square = |j: usize| vectors.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
+    (0..mean.len()).map(|j| (square(j) / (vectors.len() - 1) as f64).sqrt()).collect()
+}
+
+/// Returns the differences between the vectors of `a` and `b`, in pairs.
+pub(crate) fn differences(a: &[DVector<f64>], b: &[DVector<f64>]) -> Vec<DVector<f64>> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// Returns a matrix with these columns, which have `rows` entries.
+pub(crate) fn matrix(columns: &[DVector<f64>], rows: usize) -> DMatrix<f64> {
+    if columns.is_empty() { DMatrix::zeros(rows, 0) } else { DMatrix::from_columns(columns) }
+}
+
+/// Returns the columns of `a` and then those of `b`.
+pub(crate) fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut all = a.clone().resize_horizontally(a.ncols() + b.ncols(), 0.0);
+    all.columns_mut(a.ncols(), b.ncols()).copy_from(b);
+    all
+}
+
+/// Returns a function that draws vectors of standard normal numbers. `name` identifies the stream of the numbers.
+pub(crate) fn normal_vectors(seed: u64, name: &str) -> impl FnMut(usize) -> DVector<f64> + use<> {
+    let seeds = Seeds { camera: seed, shot: 0, sequence: 0 };
+    let mut normals = PatternRng::new(seeds, RandomStream::from_name(name)).normals();
+    move |count| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0))
 }
 
 /// Returns the mean change of `count` pairs of simulations without the statistics that only noise changed. `sd` has the standard
