@@ -112,10 +112,8 @@ impl Catalog {
 
 pub(super) fn from_toml_and_maps(text: &str, maps: &dyn MapSource, effects: &Catalog) -> Result<Camera> {
     if text.trim_start().starts_with('{') {
-        return Err(Error::new(ErrorKind::Config, "camera file")
-            .found("JSON, as in the sidecar of a stream")
-            .expected("a camera file in TOML")
-            .remedy("pass the camera file or the preset that the stream was simulated with"));
+        bail!(Config, "camera file"; found "JSON, as in the sidecar of a stream"; expected "a camera file in TOML";
+            remedy "pass the camera file or the preset that the stream was simulated with");
     }
     let file: File = toml::from_str(text).map_err(|e| {
         error!(Config, "camera file"; found "{}", toml_fault(&e);

@@ -48,15 +48,15 @@ pub fn color_psnr(output: &[f32], reference: &[f32], geometry: Geometry) -> Resu
     Ok([one(0)?, one(1)?, one(2)?])
 }
 
-/// Returns the mean of the [SSIM](ssim) of red, green and blue.
+/// Returns the [SSIM](ssim) of red, green and blue. The metric `ssim_color` is their mean.
 ///
 /// # Errors
 /// [`MetricError`] if the output or the reference has a wrong size or is not finite, or if a side is shorter than 11
 /// pixels.
-pub fn color_ssim(output: &[f32], reference: &[f32], geometry: Geometry) -> Result<f64> {
+pub fn color_ssim(output: &[f32], reference: &[f32], geometry: Geometry) -> Result<[f64; 3]> {
     check_values(output, reference, COLORS * geometry.pixels())?;
     let one = |color| ssim(&plane(output, color), &plane(reference, color), geometry);
-    Ok((one(0)? + one(1)? + one(2)?) / 3.0)
+    Ok([one(0)?, one(1)?, one(2)?])
 }
 
 /// Returns the mean over all pixels of the color difference [CIEDE2000](reconstruct::ciede2000). White is (1, 1, 1).

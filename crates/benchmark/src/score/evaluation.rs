@@ -305,12 +305,13 @@ fn color_scores(
     let output = clipped(output);
     let output = output.as_slice();
     let [red, green, blue] = image::color_psnr(output, reference, geometry)?;
+    let ssim = image::color_ssim(output, reference, geometry)?;
     Ok([
         ("cpsnr", image::cpsnr(output, reference, geometry)?),
         ("psnr_red", red),
         ("psnr_green", green),
         ("psnr_blue", blue),
-        ("ssim_color", image::color_ssim(output, reference, geometry)?),
+        ("ssim_color", ssim.iter().sum::<f64>() / 3.0),
         ("ciede2000", image::color_difference(output, reference, geometry)?),
     ]
     .map(|(name, value)| (name.to_owned(), value))

@@ -5,12 +5,11 @@ use std::path::{Path, PathBuf};
 use crate::common::mosaic::StreamMosaicArgs;
 use crate::common::stream::StreamArgs;
 use spikelane::{Error, ErrorKind, Result};
-use spikelane_io::formats::StreamReader;
 use spikelane_io::light::Transfer;
 use spikelane_io::simulate::{CameraFacts, Sidecar};
 
 use super::picture::ReconstructionArgs;
-use super::reference::{ReferenceCurve, ReferenceImage};
+use super::reference::ReferenceCurve;
 
 /// Score the images reconstructed from a stream
 ///
@@ -82,17 +81,6 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    /// Reads the reference image `clear` for a readout of `stream`.
-    pub(super) fn read_reference(
-        &self,
-        stream: &Path,
-        clear: &Path,
-        reader: &StreamReader,
-    ) -> Result<ReferenceImage> {
-        let (curve, full) = self.reference_curve(stream, clear)?;
-        ReferenceImage::read(clear, reader.geometry(), full, curve)
-    }
-
     /// Returns the transfer function of a reference image, and the rate that corresponds to white in this image.
     pub(super) fn reference_curve(&self, stream: &Path, clear: &Path) -> Result<(ReferenceCurve, f32)> {
         let curve = ReferenceCurve::from_files(stream, clear)?;

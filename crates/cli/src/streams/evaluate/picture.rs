@@ -2,21 +2,21 @@
 
 use std::ops::Range;
 
-use crate::common::images::frames_around;
 use clap::ValueEnum;
 use serde_json::{Value, json};
-use spikelane::reconstruct::{Tfi, gaussian_blur, span_rates, tfp};
+use spikelane::reconstruct::{ColorMatrix, Demosaic, demosaic, gaussian_blur, span_rates, tfp};
+use spikelane::sensor::Mosaic;
 use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::Count;
 use spikelane::{Geometry, Result};
 use spikelane_io::formats::StreamReader;
 
-use super::reference::ReferenceImage;
-use super::scores::{BestScores, DETAIL_HEADER, HEADER, Scores};
-use super::static_scene::StaticScene;
+use super::reference::{ReferenceImage, StaticScene};
+use super::scores::{Score, Scores};
+use crate::common::console::Console;
 
 /// Number of readouts before and after the center in which TFI searches spikes.
-pub(super) const TFI_SEARCH_READOUTS: usize = 300;
+const TFI_SEARCH_READOUTS: usize = 300;
 
 /// A TFI picture counts as computed from this many readouts before and after its center. Longer intervals are rare.
 pub(super) const TFI_INTERVAL_READOUTS: usize = 20;
@@ -49,41 +49,57 @@ impl Method {
     const ALL: [Self; 3] = [Self::Tfp, Self::Span, Self::Tfi];
 }
 
-/// A picture of a stream and its scores, or the reason why it has no scores.
-pub(super) struct EvaluatedPicture {
+/// A picture, or the mean of the pictures of one kind, with its scores or the reason why it has none.
+#[derive(Debug)]
+pub(super) struct Picture {
     pub name: String,
+    /// The method that computed a color picture.
+    pub demosaicing: Option<Demosaic>,
     pub scores: Result<Scores, String>,
     /// A note for the user.
     pub note: Option<String>,
+    /// The number of pictures in a mean, and the number of these pictures that have scores.
+    pub counts: Option<(usize, usize)>,
 }
 
-impl EvaluatedPicture {
-    pub(super) fn json(&self) -> Value {
-        let mut all = json!({ "method": self.name, "is_measurable": self.scores.is_ok() });
-        match &self.scores {
-            Ok(marks) => all["scores"] = marks.json(),
-            Err(reason) => all["reason"] = json!(reason),
+impl Picture {
+    pub(super) fn new(name: impl Into<String>, scores: Result<Scores, String>) -> Self {
+        Self { name: name.into(), demosaicing: None, scores, note: None, counts: None }
+    }
+
+    pub(super) fn score(&self, key: &str) -> Option<Score> {
+        self.scores.as_ref().ok()?.get(key)
+    }
+
+    /// Returns the name, and the number of scored pictures in a mean if some have no scores.
+    pub(super) fn label(&self) -> String {
+        match self.counts {
+            Some((all, scored)) if scored < all => format!("{} ({scored} of {all})", self.name),
+            _ => self.name.clone(),
         }
-        if let Some(note) = &self.note {
+    }
+
+    pub(super) fn json(&self) -> Value {
+        let mut all = match (self.demosaicing, self.counts) {
+            (Some(method), _) => json!({ "name": self.name, "demosaicing": method.name() }),
+            (None, Some((all, scored))) => {
+                json!({ "method": self.name, "pictures": all, "is_measurable": scored })
+            }
+            (None, None) => json!({ "method": self.name, "is_measurable": self.scores.is_ok() }),
+        };
+        match &self.scores {
+            Ok(scores) => all["scores"] = scores.json(),
+            Err(reason) if self.counts.is_none() => all["reason"] = json!(reason),
+            Err(_) => {}
+        }
+        if let Some(note) = self.note.as_ref().filter(|_| self.demosaicing.is_none()) {
             all["note"] = json!(note);
         }
         all
     }
-
-    pub(super) fn text(&self, best: &BestScores) -> String {
-        match &self.scores {
-            Ok(marks) => marks.table_row(&self.name, best),
-            Err(reason) => format!("{:<14} not measurable: {reason}\n", self.name),
-        }
-    }
-
-    /// Returns the row of the picture in the table of detail scores, or `None` without a reference.
-    pub(super) fn detail(&self, best: &BestScores) -> Option<String> {
-        self.scores.as_ref().ok()?.detail_row(&self.name, best)
-    }
 }
 
-/// The reference with which a picture is compared.
+/// What the pictures are compared with.
 #[derive(Clone, Copy)]
 pub(super) enum Comparison<'a> {
     None,
@@ -92,151 +108,142 @@ pub(super) enum Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// Scores a picture that was reconstructed from the readouts in `own`.
+    /// Scores the rates of a picture that is computed from `used_readouts`.
     fn score(self, rates: &[f32], geometry: Geometry, used_readouts: Range<usize>) -> Result<Scores> {
         match self {
-            Self::None => Scores::compute(rates, geometry, None, None),
-            Self::Image(truth) => Scores::compute(rates, geometry, Some(truth), Some(&truth.reference())),
+            Self::None => Scores::of_rates(rates, geometry, None, None),
+            Self::Image(truth) => Scores::of_rates(rates, geometry, Some(truth), Some(&truth.reference())),
             // If too few readouts are outside the window, only the scores of the first table are computed.
             Self::StaticScene(still) => {
-                Scores::compute(rates, geometry, None, still.reference(used_readouts).ok().as_ref())
+                Scores::of_rates(rates, geometry, None, still.reference(used_readouts).ok().as_ref())
             }
         }
     }
-
-    fn has_reference(self) -> bool {
-        !matches!(self, Self::None)
-    }
 }
 
-/// Reconstructs the pictures of `reader` around readout `at` and returns them with their scores.
+/// The rates of a picture that is not scored yet, or the reason why they are not measurable.
+struct Reconstruction {
+    name: String,
+    rates: Result<Vec<f32>, String>,
+    /// The picture is computed from this many readouts before and after its center.
+    half: usize,
+    note: Option<String>,
+}
+
+/// Calls `visit` for each requested picture of the readout `at`.
+fn reconstruct(
+    wanted: &ReconstructionArgs,
+    reader: &StreamReader,
+    at: usize,
+    visit: &mut dyn FnMut(Reconstruction) -> Result<()>,
+) -> Result<()> {
+    type Make = fn(SpikeFramesRef, usize, usize) -> Result<Vec<f32>>;
+    for (method, kind, make) in
+        [(Method::Tfp, "tfp", tfp as Make), (Method::Span, "span", span_rates as Make)]
+    {
+        for window in wanted.window.iter().filter(|_| wanted.method.contains(&method)) {
+            let half = (*window / 2) as usize;
+            let (frames, center) = reader.read_around(at, half)?;
+            let (window, available) = (2 * half + 1, frames.readouts());
+            let note =
+                format!("the stream has only {available} of the {} of the window", Count(window, "readout"));
+            visit(Reconstruction {
+                name: format!("{kind} {window}"),
+                rates: Ok(make(frames.view(), center, half)?),
+                half,
+                note: (available < window).then_some(note),
+            })?;
+        }
+    }
+    if wanted.method.contains(&Method::Tfi) {
+        let tfi = reader.tfi(at, TFI_SEARCH_READOUTS)?;
+        let (open, all) = (tfi.open_pixels, Count(tfi.rates.len(), "pixel"));
+        let reason = format!("the stream begins or ends within the interval of {open} of {all}");
+        let rates = if tfi.is_measurable() { Ok(tfi.rates) } else { Err(reason) };
+        visit(Reconstruction { name: "tfi".to_owned(), rates, half: TFI_INTERVAL_READOUTS, note: None })?;
+    }
+    Ok(())
+}
+
+/// Computes and scores the requested pictures of the readout `at`.
+///
+/// Each TFP picture with a comparison is also scored after a blur. A picture whose window exceeds the stream has a note.
 pub(super) fn evaluate_pictures(
     wanted: &ReconstructionArgs,
     reader: &StreamReader,
     at: usize,
     comparison: Comparison<'_>,
-) -> Result<Vec<EvaluatedPicture>> {
-    type Make = fn(SpikeFramesRef, usize, usize) -> Result<Vec<f32>>;
-    let is_requested = |method| wanted.method.contains(&method);
+) -> Result<Vec<Picture>> {
     let geometry = reader.geometry();
-    let near = |half: usize| at.saturating_sub(half)..(at + half + 1).min(reader.readouts());
     let mut all = Vec::new();
-    let windowed = [(Method::Tfp, "tfp", tfp as Make), (Method::Span, "span", span_rates as Make)];
-    for (_, kind, make) in windowed.into_iter().filter(|w| is_requested(w.0)) {
-        for window in &wanted.window {
-            let half = (*window / 2) as usize;
-            let (bytes, center) = frames_around(reader, at, half)?;
-            let packed = SpikeFramesRef::new(geometry, &bytes)?;
-            let (wanted, there) = (2 * half + 1, packed.readouts());
-            let rates = make(packed, center, half)?;
-            let note = window_note(wanted, there);
-            let marks = Ok(comparison.score(&rates, geometry, near(half))?);
-            all.push(EvaluatedPicture { name: format!("{kind} {wanted}"), scores: marks, note });
-            if kind == "tfp" && comparison.has_reference() {
-                let rates = gaussian_blur(&rates, geometry, BLUR_SIGMA_PX);
-                let marks = Ok(comparison.score(&rates, geometry, near(half))?);
-                all.push(EvaluatedPicture {
-                    name: format!("{kind} {wanted} blurred"),
-                    scores: marks,
-                    note: None,
-                });
-            }
-        }
-    }
-    if is_requested(Method::Tfi) {
-        let tfi = reader.tfi(at, TFI_SEARCH_READOUTS)?;
-        let marks = match unmeasurable_reason(&tfi) {
-            Some(reason) => Err(reason),
-            None => Ok(comparison.score(&tfi.rates, geometry, near(TFI_INTERVAL_READOUTS))?),
+    reconstruct(wanted, reader, at, &mut |Reconstruction { name, rates, half, note }| {
+        let used = at.saturating_sub(half)..(at + half + 1).min(reader.readouts());
+        let scores = match &rates {
+            Ok(rates) => Ok(comparison.score(rates, geometry, used.clone())?),
+            Err(reason) => Err(reason.clone()),
         };
-        all.push(EvaluatedPicture { name: "tfi".into(), scores: marks, note: None });
-    }
+        all.push(Picture { note, ..Picture::new(name.clone(), scores) });
+        if let (Ok(rates), true, false) =
+            (rates, name.starts_with("tfp"), matches!(comparison, Comparison::None))
+        {
+            let scores = comparison.score(&gaussian_blur(&rates, geometry, BLUR_SIGMA_PX), geometry, used)?;
+            all.push(Picture::new(name + " blurred", Ok(scores)));
+        }
+        Ok(())
+    })?;
     if let Comparison::Image(truth) = comparison {
         // These scores are the noise that the estimates find in an image without noise.
-        let marks = Scores::compute(&truth.light, geometry, None, None)?;
-        all.push(EvaluatedPicture { name: "reference".into(), scores: Ok(marks), note: None });
+        let scores = Scores::of_rates(&truth.light, geometry, None, None)?;
+        all.push(Picture::new("reference", Ok(scores)));
     }
     Ok(all)
 }
 
-/// Returns a note about a window that the stream contains only in part.
-pub(super) fn window_note(window: usize, available: usize) -> Option<String> {
-    (available < window)
-        .then(|| format!("the stream has only {available} of the {} of the window", Count(window, "readout")))
-}
-
-/// Returns the reason why a TFI picture cannot be scored, or `None` if it can be scored.
-fn unmeasurable_reason(tfi: &Tfi) -> Option<String> {
-    let (open, all) = (tfi.open_pixels, tfi.rates.len());
-    (!tfi.is_measurable()).then(|| {
-        format!("the stream begins or ends within the interval of {open} of {}", Count(all, "pixel"))
-    })
-}
-
-/// Returns the table of detail scores, or an empty text if the table has no rows.
-pub(super) fn detail_table(rows: impl Iterator<Item = Option<String>>) -> String {
-    let rows: String = rows.flatten().collect();
-    if rows.is_empty() { rows } else { format!("{DETAIL_HEADER}{rows}") }
-}
-
-/// The mean scores of several pictures of the same kind.
-pub(super) struct MeanScores {
-    name: String,
-    /// Number of pictures. `measured_count` is the number of pictures that have scores.
-    picture_count: usize,
-    measured_count: usize,
-    average: Option<Scores>,
-}
-
-impl MeanScores {
-    fn new(all: &[&EvaluatedPicture]) -> Self {
-        let marks: Vec<Scores> = all.iter().filter_map(|p| p.scores.as_ref().ok().copied()).collect();
-        let average = (!marks.is_empty()).then(|| Scores::average(&marks));
-        Self { name: all[0].name.clone(), picture_count: all.len(), measured_count: marks.len(), average }
-    }
-
-    fn label(&self) -> String {
-        if self.measured_count == self.picture_count {
-            return self.name.clone();
+/// Computes and scores the requested color pictures of the readout `at`, with each method of demosaicing.
+///
+/// A TFI picture that is not measurable is left out. The notes are printed.
+pub(super) fn evaluate_colors(
+    wanted: &ReconstructionArgs,
+    reader: &StreamReader,
+    at: usize,
+    (truth, mosaic): (&ReferenceImage, &Mosaic),
+    out: &Console,
+) -> Result<Vec<Picture>> {
+    let geometry = reader.geometry();
+    let matrix = ColorMatrix::from_response(mosaic)?;
+    let mut all = Vec::new();
+    reconstruct(wanted, reader, at, &mut |Reconstruction { name, rates, note, .. }| {
+        if let Some(note) = note {
+            out.print_message(format_args!("note: {}: {name}: {note}", reader.name()));
         }
-        format!("{} ({} of {})", self.name, self.measured_count, self.picture_count)
-    }
-
-    fn text(&self, best: &BestScores) -> String {
-        let reason = "not measurable in any picture: the streams end too near the readout";
-        match &self.average {
-            Some(average) => average.table_row(&self.label(), best),
-            None => format!("{:<14} {reason}\n", self.name),
+        let Ok(rates) = rates else {
+            out.print_message(format_args!(
+                "note: {name} is not scored, because the stream begins or ends within the interval of too many pixels"
+            ));
+            return Ok(());
+        };
+        for method in Demosaic::ALL.into_iter().filter(|m| *m == Demosaic::Bilinear || mosaic.is_bayer()) {
+            let rgb = matrix.apply(&demosaic(&rates, geometry, mosaic, method)?);
+            let scores = Ok(Scores::of_colors(&rgb, geometry, truth)?);
+            all.push(Picture { demosaicing: Some(method), ..Picture::new(name.clone(), scores) });
         }
-    }
-
-    /// Whether the second table has a row for this kind of picture.
-    pub(super) fn has_detail(&self) -> bool {
-        self.average.is_some_and(|average| average.has_detail())
-    }
-
-    /// Returns the means as JSON. The noise of each picture is divided by the mean of the picture before averaging.
-    pub(super) fn json(&self) -> Value {
-        let mut all = json!({ "method": self.name, "pictures": self.picture_count, "is_measurable": self.measured_count });
-        if let Some(average) = &self.average {
-            all["scores"] = average.json();
-        }
-        all
-    }
+        Ok(())
+    })?;
+    Ok(all)
 }
 
-/// Returns the mean scores of several readouts or sequences. All of them have the same kinds of pictures.
-pub(super) fn mean_scores(all: &[Vec<EvaluatedPicture>]) -> Vec<MeanScores> {
-    let kinds = all.first().map_or(0, Vec::len);
-    (0..kinds)
-        .map(|i| MeanScores::new(&all.iter().map(|pictures| &pictures[i]).collect::<Vec<_>>()))
-        .collect()
-}
-
-/// Returns the first and the second table of means.
-pub(super) fn tables(means: &[MeanScores]) -> String {
-    let best = BestScores::new(means.iter().filter_map(|mean| mean.average.as_ref()));
-    let rows: String = means.iter().map(|mean| mean.text(&best)).collect();
-    let second = means.iter().map(|mean| mean.average.as_ref()?.detail_row(&mean.label(), &best));
-    format!("{HEADER}{rows}{}", detail_table(second))
+/// Returns the mean scores of each kind of picture that every element of `all` has.
+pub(super) fn mean_pictures(all: &[Vec<Picture>]) -> Vec<Picture> {
+    let mean = |kind: &Picture| {
+        let is_same = |p: &&Picture| p.name == kind.name && p.demosaicing == kind.demosaicing;
+        let same: Vec<&Picture> = all.iter().map(|some| some.iter().find(is_same)).collect::<Option<_>>()?;
+        let scored: Vec<&Scores> = same.iter().filter_map(|p| p.scores.as_ref().ok()).collect();
+        let scores = match scored.len() {
+            0 => Err("the streams end too near the readout".to_owned()),
+            _ => Ok(Scores::mean(&scored)),
+        };
+        let counts = Some((same.len(), scored.len()));
+        Some(Picture { demosaicing: kind.demosaicing, counts, ..Picture::new(kind.name.clone(), scores) })
+    };
+    all.first().into_iter().flatten().filter_map(mean).collect()
 }

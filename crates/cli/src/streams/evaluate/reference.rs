@@ -1,128 +1,114 @@
 //! The reference image and its transfer function.
 
-use std::path::Path;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-use spikelane::reconstruct::DetailReference;
+use serde_json::{Value, json};
+use spikelane::reconstruct::{DetailReference, tfp};
 use spikelane::unstable::inputs::InputFile;
-use spikelane::{Error, ErrorKind, Geometry, Result};
+use spikelane::{Error, ErrorKind, Geometry, Result, SpikeFrames};
+use spikelane_calibrate::compare::steady_pixels;
 use spikelane_dataset::{Access, SequenceRecord};
+use spikelane_io::formats::StreamReader;
 use spikelane_io::light::image_file::{self, Linearization};
 use spikelane_io::light::{Frame, Transfer};
 use spikelane_io::simulate::Sidecar;
 
 /// A reference image, and the rate that corresponds to its white.
-pub(crate) struct ReferenceImage {
+pub(super) struct ReferenceImage {
+    pub path: PathBuf,
+    /// Light of each pixel, or red, green and blue of each pixel of a color image.
     pub light: Vec<f32>,
-    /// Codes of the image, 0 to 1, in the image's own transfer function.
+    /// Codes of the light, 0 to 1, in the image's own transfer function.
     pub codes: Vec<f32>,
+    curve: ReferenceCurve,
     full_scale_rate: f32,
-    transfer: Transfer,
-    source: &'static str,
 }
 
 impl ReferenceImage {
-    pub(crate) fn read(path: &Path, geometry: Geometry, full: f32, curve: ReferenceCurve) -> Result<Self> {
-        let frame = image_file::read(path, &Linearization::new(curve.transfer))?;
-        Self::new(path, &frame, geometry, full, curve)
+    /// Reads an image. Its size must be `geometry`. `is_color` states whether it must have colors.
+    pub(super) fn read(
+        path: &Path,
+        geometry: Geometry,
+        is_color: bool,
+        curve: (ReferenceCurve, f32),
+    ) -> Result<Self> {
+        Self::new(path.to_owned(), |linear| image_file::read(path, linear), geometry, is_color, curve)
     }
 
     /// Reads the reference image of a sequence of a data set.
-    pub(crate) fn from_sequence(
+    pub(super) fn from_sequence(
         file: InputFile,
         geometry: Geometry,
-        full: f32,
-        curve: ReferenceCurve,
+        is_color: bool,
+        curve: (ReferenceCurve, f32),
     ) -> Result<Self> {
         let path = file.path().to_owned();
-        let frame = image_file::read_written(file, &Linearization::new(curve.transfer))?;
-        Self::new(&path, &frame, geometry, full, curve)
+        Self::new(path, |linear| image_file::read_written(file, linear), geometry, is_color, curve)
     }
 
-    fn new(path: &Path, frame: &Frame, geometry: Geometry, full: f32, curve: ReferenceCurve) -> Result<Self> {
-        if frame.geometry() != geometry {
-            return Err(Error::new(ErrorKind::Input, path.display())
-                .found(frame.geometry())
-                .expected(format_args!("{geometry}, the size of the stream")));
-        }
-        let light = frame.to_f32();
-        let transfer = curve.transfer.unwrap_or(Transfer::Srgb);
-        let codes = light.iter().map(|&x| transfer.code(x.into()) as f32).collect();
-        Ok(Self { light, codes, full_scale_rate: full, transfer, source: curve.source })
+    fn new(
+        path: PathBuf,
+        read: impl FnOnce(&Linearization) -> Result<Frame>,
+        geometry: Geometry,
+        is_color: bool,
+        (curve, full_scale_rate): (ReferenceCurve, f32),
+    ) -> Result<Self> {
+        let frame = read(&Linearization::new(curve.transfer).with_color(is_color))?;
+        let wrong = Error::new(ErrorKind::Input, path.display());
+        let light = match (is_color, frame.rgb()) {
+            _ if frame.geometry() != geometry => {
+                let expected = format_args!("{geometry}, the size of the stream").to_string();
+                return Err(wrong.found(frame.geometry()).expected(expected));
+            }
+            (true, None) => return Err(wrong.found("a gray image").expected("a color image")),
+            (true, Some(rgb)) => rgb.to_vec(),
+            (false, _) => frame.to_f32(),
+        };
+        let mut image = Self { path, light: Vec::new(), codes: Vec::new(), curve, full_scale_rate };
+        image.codes = image.codes_of(&light, 1.0);
+        Ok(Self { light, ..image })
     }
 
-    /// Converts rates to the codes that the reference image would have for these rates.
-    pub(crate) fn codes_from_rates(&self, rates: &[f32]) -> Vec<f32> {
-        rates.iter().map(|r| self.transfer.code((r / self.full_scale_rate).into()) as f32).collect()
+    /// Returns the transfer function and the rate of white, for another image of the same series.
+    pub(super) fn curve(&self) -> (ReferenceCurve, f32) {
+        (self.curve, self.full_scale_rate)
     }
 
-    /// Returns the light of the image as the reference for the detail of a picture.
-    pub(crate) fn reference(&self) -> DetailReference {
+    fn transfer(&self) -> Transfer {
+        self.curve.transfer.unwrap_or(Transfer::Srgb)
+    }
+
+    fn codes_of(&self, values: &[f32], white: f32) -> Vec<f32> {
+        values.iter().map(|v| self.transfer().code((v / white).into()) as f32).collect()
+    }
+
+    /// Returns the codes of `rates` in the transfer function of the image. Brighter light is clipped to 1.
+    pub(super) fn codes_from_rates(&self, rates: &[f32]) -> Vec<f32> {
+        self.codes_of(rates, self.full_scale_rate)
+    }
+
+    /// Returns the light as the reference of the detail scores.
+    pub(super) fn reference(&self) -> DetailReference {
         DetailReference { observations: [self.light.clone(), self.light.clone()], mask: None, is_scene: true }
     }
 
-    pub(crate) fn json(&self) -> Value {
+    pub(super) fn json(&self) -> Value {
         // The number is printed with the shortest digits of the f32. A conversion to f64 would print more digits.
         let full = self.full_scale_rate.to_string().parse::<f64>().unwrap_or(self.full_scale_rate.into());
-        serde_json::json!({ "transfer": self.transfer.to_string(), "transfer_source": self.source, "full_scale_rate": full })
+        let transfer = self.transfer().to_string();
+        json!({ "transfer": transfer, "transfer_source": self.curve.source, "full_scale_rate": full })
     }
 
-    pub(crate) fn text_line(&self) -> String {
-        format!(
-            "reference image: transfer {} ({}), white is rate {}",
-            self.transfer, self.source, self.full_scale_rate
-        )
-    }
-}
-
-/// A color reference image, and the rate that corresponds to its white.
-pub(crate) struct ColorReference {
-    /// Codes of red, green and blue of each pixel, 0 to 1, in the image's own transfer function.
-    pub codes: Vec<f32>,
-    full_scale_rate: f32,
-    transfer: Transfer,
-}
-
-impl ColorReference {
-    pub(crate) fn read(path: &Path, geometry: Geometry, full: f32, curve: ReferenceCurve) -> Result<Self> {
-        let frame = image_file::read(path, &Linearization::new(curve.transfer).with_color(true))?;
-        Self::new(path, &frame, geometry, full, curve)
-    }
-
-    /// Reads the reference image of a sequence of a data set.
-    pub(crate) fn from_sequence(
-        file: InputFile,
-        geometry: Geometry,
-        full: f32,
-        curve: ReferenceCurve,
-    ) -> Result<Self> {
-        let path = file.path().to_owned();
-        let frame = image_file::read_written(file, &Linearization::new(curve.transfer).with_color(true))?;
-        Self::new(&path, &frame, geometry, full, curve)
-    }
-
-    fn new(path: &Path, frame: &Frame, geometry: Geometry, full: f32, curve: ReferenceCurve) -> Result<Self> {
-        let transfer = curve.transfer.unwrap_or(Transfer::Srgb);
-        let Some(rgb) = frame.rgb().filter(|_| frame.geometry() == geometry) else {
-            let kind = if frame.rgb().is_some() { "color" } else { "gray" };
-            return Err(Error::new(ErrorKind::Input, path.display())
-                .found(format_args!("a {kind} image of {}", frame.geometry()))
-                .expected(format_args!("a color image of {geometry}, the size of the stream")));
-        };
-        let codes = rgb.iter().map(|&x| transfer.code(x.into()) as f32).collect();
-        Ok(Self { codes, full_scale_rate: full, transfer })
-    }
-
-    /// Converts rates to the codes that the reference image would have for these rates. Negative rates, which a color
-    /// matrix can give, have the code 0.
-    pub(crate) fn codes_from_rates(&self, rates: &[f32]) -> Vec<f32> {
-        rates.iter().map(|r| self.transfer.code((r / self.full_scale_rate).max(0.0).into()) as f32).collect()
+    pub(super) fn text_line(&self) -> String {
+        let (source, full) = (self.curve.source, self.full_scale_rate);
+        format!("reference image: transfer {} ({source}), white is rate {full}\n", self.transfer())
     }
 }
 
 /// A transfer function and its source. If `transfer` is `None`, the default for the kind of file applies.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ReferenceCurve {
+pub(super) struct ReferenceCurve {
     transfer: Option<Transfer>,
     source: &'static str,
     /// Rate that corresponds to white. `None` means the full-scale rate of the camera.
@@ -133,7 +119,7 @@ impl ReferenceCurve {
     const DEFAULT: Self = Self { transfer: None, source: "the default", full_scale_rate: None };
 
     /// Returns this curve with the transfer function that the user specified, if any.
-    pub(crate) fn with_transfer(self, transfer: Option<Transfer>) -> Self {
+    pub(super) fn with_transfer(self, transfer: Option<Transfer>) -> Self {
         match transfer {
             None => self,
             chosen => Self { transfer: chosen, source: "--reference-transfer", ..self },
@@ -141,7 +127,7 @@ impl ReferenceCurve {
     }
 
     /// Returns the transfer function of the reference image `clear` of a dataset's sequence.
-    pub(crate) fn from_record(record: &SequenceRecord, clear: &Path) -> Self {
+    pub(super) fn from_record(record: &SequenceRecord, clear: &Path) -> Self {
         curve_from_json(&record.facts, clear, "the record of the sequence").unwrap_or(Self::DEFAULT)
     }
 
@@ -149,7 +135,7 @@ impl ReferenceCurve {
     ///
     /// These files are the record of a dataset's sequence, or the sidecar of a simulation. A sidecar counts only if the
     /// simulation wrote the image or had the image as its input.
-    pub(crate) fn from_files(stream: &Path, clear: &Path) -> Result<Self> {
+    pub(super) fn from_files(stream: &Path, clear: &Path) -> Result<Self> {
         // The images of a sequence can be in a subfolder of the sequence.
         let record = clear
             .ancestors()
@@ -199,6 +185,52 @@ fn is_source(words: &str, clear: &Path) -> bool {
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
     let source = name(Path::new(path));
     source.is_some() && (source == name(clear) || source == clear.parent().and_then(name))
+}
+
+/// Largest number of readouts before and after the center of a static scene that are used.
+const MAX_SIDE_READOUTS: usize = 4096;
+
+/// A stream of a static scene. Its reference is computed from the readouts outside the window of a picture.
+pub(super) struct StaticScene {
+    frames: SpikeFrames,
+    /// Whether nothing changes around each pixel.
+    is_steady: Vec<bool>,
+    /// Number of the first readout in `frames`.
+    first_readout: usize,
+}
+
+impl StaticScene {
+    pub(super) fn read(reader: &StreamReader, at: usize) -> Result<Self> {
+        let (frames, center) = reader.read_around(at, MAX_SIDE_READOUTS)?;
+        let half = frames.readouts() / 2;
+        if half == 0 {
+            return Err(Error::new(ErrorKind::Usage, "--static-scene")
+                .found("one readout")
+                .expected("a window, and readouts outside the window"));
+        }
+        // Both halves have the same odd length.
+        let length = half - (half + 1) % 2;
+        let spikes = |start: usize| -> Result<Vec<f64>> {
+            let rates = tfp(frames.view(), start + length / 2, length / 2)?;
+            Ok(rates.iter().map(|rate| f64::from(*rate) * length as f64).collect())
+        };
+        let is_steady = steady_pixels(&spikes(0)?, &spikes(half)?, reader.geometry().width());
+        Ok(Self { frames, is_steady, first_readout: at - center })
+    }
+
+    /// Returns the share of steady pixels.
+    pub(super) fn steady_share(&self) -> f64 {
+        self.is_steady.iter().filter(|s| **s).count() as f64 / self.is_steady.len() as f64
+    }
+
+    /// Returns a reference that is computed from the readouts before and after `used_readouts`, the readouts of a
+    /// picture.
+    pub(super) fn reference(&self, used_readouts: Range<usize>) -> Result<DetailReference> {
+        let from = |at: usize| at.saturating_sub(self.first_readout).min(self.frames.readouts());
+        let window = from(used_readouts.start)..from(used_readouts.end);
+        let others = DetailReference::from_surrounding(self.frames.view(), window)?;
+        Ok(DetailReference { mask: Some(self.is_steady.clone()), ..others })
+    }
 }
 
 #[cfg(test)]

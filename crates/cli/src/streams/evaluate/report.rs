@@ -6,11 +6,14 @@ use spikelane_io::storage::{FileGroup, OutputSet};
 use spikelane_measure::report::{Cell, RankedRow, Report, ReportState, Table, ranked_bars, without_error};
 
 use super::args::Args;
+use super::picture::Picture;
+use super::scores::Score;
 use crate::common::console::{recorded_path, report_json_path, run_record};
 use crate::common::output_claims;
 
-/// Key, title and unit of each score. For the first three scores, larger values are better.
-const SCORES: [(&str, &str, &str); 10] = [
+/// Key, title and unit of each score. For the first four scores, larger values are better.
+const SCORES: [(&str, &str, &str); 11] = [
+    ("cpsnr_db", "CPSNR", "dB"),
     ("psnr_db", "PSNR", "dB"),
     ("ssim", "SSIM", ""),
     ("aligned_psnr_db", "PSNR after a fit of the light", "dB"),
@@ -24,12 +27,12 @@ const SCORES: [(&str, &str, &str); 10] = [
 ];
 
 /// Number of scores at the start of [`SCORES`] with a best value.
-const RANKED_SCORES: usize = 3;
+const RANKED_SCORES: usize = 4;
 
-/// The scores of the pictures of one stream, as JSON.
+/// The scored pictures of one stream.
 pub(super) struct ScoredStream {
     pub name: String,
-    pub pictures: Vec<Value>,
+    pub pictures: Vec<Picture>,
 }
 
 /// Claims the files of the report, if the user requested one.
@@ -44,8 +47,9 @@ pub(super) fn write(args: &Args, streams: &[ScoredStream]) -> Result<()> {
     let file = recorded_path(&args.file);
     let inputs = std::iter::once(&args.file).chain(&args.reference).filter(|path| path.is_file());
     let html = page(&file, streams).html(&run_record(inputs));
+    let pictures = |s: &ScoredStream| s.pictures.iter().map(Picture::json).collect::<Vec<_>>();
     let all: Vec<Value> =
-        streams.iter().map(|s| json!({ "stream": s.name, "pictures": s.pictures })).collect();
+        streams.iter().map(|s| json!({ "stream": s.name, "pictures": pictures(s) })).collect();
     let mut group = FileGroup::new(args.force);
     group.write(path, html.as_bytes())?;
     group.write(
@@ -55,13 +59,19 @@ pub(super) fn write(args: &Args, streams: &[ScoredStream]) -> Result<()> {
     group.commit()
 }
 
-fn score(picture: &Value, key: &str) -> Option<f64> {
-    picture["scores"][key].as_f64()
+/// Returns a score that is not only a bound.
+fn score(picture: &Picture, key: &str) -> Option<f64> {
+    picture.score(key).filter(|score| !score.is_bound).map(|score| score.value)
+}
+
+fn name(picture: &Picture) -> String {
+    let method = picture.demosaicing.map(|method| format!(" {}", method.name()));
+    picture.name.clone() + &method.unwrap_or_default()
 }
 
 /// Returns the name and the value of the picture with the largest score.
-fn best<'a>(pictures: &'a [Value], key: &str) -> Option<(&'a str, f64)> {
-    let known = pictures.iter().filter_map(|p| Some((p["method"].as_str()?, score(p, key)?)));
+fn best(pictures: &[Picture], key: &str) -> Option<(String, f64)> {
+    let known = pictures.iter().filter_map(|p| Some((name(p), score(p, key)?)));
     known.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
@@ -89,11 +99,10 @@ fn page(file: &str, streams: &[ScoredStream]) -> Report {
             let rows: Vec<RankedRow> = stream
                 .pictures
                 .iter()
-                .filter_map(|p| {
-                    Some(RankedRow { name: p["method"].as_str()?.to_owned(), values: vec![score(p, key)?] })
-                })
+                .filter_map(|p| Some(RankedRow { name: name(p), values: vec![score(p, key)?] }))
                 .collect();
-            if rows.len() > 1 && ["psnr_db", "ssim", "detail_slope", "patch_noise"].contains(key) {
+            if rows.len() > 1 && ["cpsnr_db", "psnr_db", "ssim", "detail_slope", "patch_noise"].contains(key)
+            {
                 let title = format!("Scores of {}: {title}", stream.name);
                 report.push(ranked_bars(
                     &title,
@@ -112,10 +121,7 @@ fn page(file: &str, streams: &[ScoredStream]) -> Report {
 
 /// Returns the table of all scores of one stream. The best values are marked.
 fn table(stream: &ScoredStream) -> Table {
-    let above = |key: &str| format!("{key}_above");
-    let is_known = |key: &str| {
-        stream.pictures.iter().any(|p| score(p, key).is_some() || score(p, &above(key)).is_some())
-    };
+    let is_known = |key: &str| stream.pictures.iter().any(|p| p.score(key).is_some());
     let shown: Vec<(usize, &(&str, &str, &str))> =
         SCORES.iter().enumerate().filter(|(_, s)| is_known(s.0)).collect();
     let titles: Vec<String> = shown
@@ -131,14 +137,13 @@ fn table(stream: &ScoredStream) -> Table {
     for picture in &stream.pictures {
         let cell = |(i, (key, ..)): &(usize, &(&str, &str, &str))| {
             let leads = |x: f64| *i < RANKED_SCORES && best(&stream.pictures, key).is_some_and(|b| b.1 == x);
-            match (score(picture, key), score(picture, &above(key))) {
-                (Some(x), _) => Cell::value(x, "").best(leads(x)),
-                (None, Some(x)) => Cell::number(x, format!(">{x}")),
-                (None, None) => Cell::from("-"),
+            match picture.score(key) {
+                Some(Score { value, is_bound: true }) => Cell::number(value, format!(">{value}")),
+                Some(Score { value, .. }) => Cell::value(value, "").best(leads(value)),
+                None => Cell::from("-"),
             }
         };
-        let name = picture["method"].as_str().unwrap_or_default();
-        table.push_row(std::iter::once(Cell::from(name)).chain(shown.iter().map(cell)));
+        table.push_row(std::iter::once(Cell::from(name(picture))).chain(shown.iter().map(cell)));
     }
     table
 }

@@ -1,257 +1,246 @@
-//! Scores of a picture. All scores are finite.
+//! The scores of pictures, their means and their tables.
+
+use std::collections::BTreeMap;
 
 use serde_json::{Map, Value, json};
-use spikelane::reconstruct::{DetailReference, DetailScores, psnr, score_detail, ssim};
+use spikelane::reconstruct::DetailReference;
 use spikelane::{Geometry, Result};
-use spikelane_measure::image_noise::{difference_noise, patch_noise, weak_texture_noise};
+use spikelane_benchmark::image;
+use spikelane_measure::image_noise::difference_noise;
 
+use super::picture::Picture;
 use super::reference::ReferenceImage;
 
-/// Largest reported ratio in decibels. Rates are floats with 24 significant bits, so a ratio above `20 log10(2^24)` dB
-/// contains only rounding errors.
-const MAX_DB: f64 = 144.5;
+const HEADER: &str = "image          PSNR, dB    SSIM patches, % weak texture, % differences, %  SNR, dB\n";
+const DETAIL_HEADER: &str = "against the truth aligned, dB  detail   noise, %   outliers\n";
+const COLOR_HEADER: &str =
+    "image       demosaicing  CPSNR, dB    PSNR, dB: R       G       B    SSIM: R       G       B\n";
 
-/// A value in decibels, or a lower bound of a value above [`MAX_DB`].
+/// Blind noise levels in the unit of the picture. Tables and means have them relative to the mean of the picture.
+const NOISE_LEVELS: [&str; 3] = ["patch_noise", "weak_texture_noise", "difference_noise"];
+
+/// A score. The score of pictures that are nearly equal is only bounded from below.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Decibels {
-    Exact(f64),
-    AtLeast(f64),
+pub(super) struct Score {
+    pub value: f64,
+    pub is_bound: bool,
 }
 
-impl Decibels {
-    /// Returns `value`, or the lower bound [`MAX_DB`] if `value` is larger. `value` is infinite if two pictures are equal.
-    pub(super) fn new(value: f64) -> Self {
-        if value < MAX_DB { Self::Exact(value) } else { Self::AtLeast(MAX_DB) }
-    }
-
-    fn number(self) -> f64 {
-        match self {
-            Self::Exact(x) | Self::AtLeast(x) => x,
-        }
-    }
-
-    pub(super) fn text(self) -> String {
-        match self {
-            Self::Exact(x) => format!("{x:.2}"),
-            Self::AtLeast(x) => format!(">{x:.1}"),
-        }
-    }
-
-    /// Inserts the value with the key `key`. A lower bound has the key `{key}_above`.
-    pub(super) fn insert(self, key: &str, into: &mut Map<String, Value>) {
-        match self {
-            Self::Exact(x) => into.insert(key.to_owned(), json!(x)),
-            Self::AtLeast(x) => into.insert(format!("{key}_above"), json!(x)),
-        };
-    }
-
-    /// Returns the mean. The mean is a lower bound if at least one value is a lower bound.
-    pub(super) fn mean(all: &[Self]) -> Option<Self> {
-        let mean = average(all.iter().map(|d| Some(d.number())))?;
-        let known = all.iter().all(|d| matches!(d, Self::Exact(_)));
-        Some(if known { Self::Exact(mean) } else { Self::AtLeast(mean) })
-    }
-}
-
-/// Returns the mean of the values, or `None` if at least one value is absent.
-pub(super) fn average(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
-    let all: Vec<f64> = values.collect::<Option<_>>()?;
-    (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
-}
-
-/// The scores of one picture. A score that does not exist is `None`.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Scores {
-    psnr: Option<Decibels>,
-    ssim: Option<f64>,
-    /// Estimate of the standard deviation of the noise from patches, in the unit of the picture. `None` if the picture
-    /// is smaller than about 32x32 pixels.
-    patch_noise: Option<f64>,
-    /// Estimate of the standard deviation of the noise from weakly textured patches, in the unit of the picture. `None` as
-    /// for `patch_noise`.
-    weak_texture_noise: Option<f64>,
-    /// Estimate of the standard deviation of the noise from differences, in the unit of the picture.
-    difference_noise: Option<f64>,
-    mean: f64,
-    /// Scores from the comparison with a reference. `None` without a reference or for a uniform picture.
-    detail: Option<DetailScores>,
-}
-
-/// Header of the second table.
-pub(crate) const DETAIL_HEADER: &str = "against the truth aligned, dB  detail   noise, %   outliers\n";
-
-pub(crate) const HEADER: &str =
-    "image          PSNR, dB    SSIM patches, % weak texture, % differences, %  SNR, dB\n";
-
-/// The best scores of several pictures. A score that fewer than two pictures have is `None`.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct BestScores {
-    psnr: Option<f64>,
-    ssim: Option<f64>,
-    aligned_psnr: Option<f64>,
-}
-
-impl BestScores {
-    pub(crate) fn new<'a>(all: impl Iterator<Item = &'a Scores>) -> Self {
-        let all: Vec<&Scores> = all.collect();
-        let best = |value: &dyn Fn(&Scores) -> Option<f64>| {
-            let known: Vec<f64> = all.iter().filter_map(|s| value(s)).collect();
-            if known.len() < 2 { None } else { known.into_iter().reduce(f64::max) }
-        };
-        Self {
-            psnr: best(&|s| s.psnr.map(Decibels::number)),
-            ssim: best(&|s| s.ssim),
-            aligned_psnr: best(&|s| s.detail.map(|d| d.aligned_psnr_db)),
-        }
-    }
-}
+/// The scores of a picture by the keys of the JSON output. A score that is not defined for the picture is absent.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Scores(BTreeMap<&'static str, Score>);
 
 impl Scores {
-    pub(crate) fn compute(
+    /// Scores the rates of a gray picture. `truth` is the reference of PSNR and SSIM, and `detail` that of the detail.
+    ///
+    /// # Errors
+    /// As [`image::psnr`].
+    pub(super) fn of_rates(
         rates: &[f32],
         geometry: Geometry,
         truth: Option<&ReferenceImage>,
-        reference: Option<&DetailReference>,
+        detail: Option<&DetailReference>,
     ) -> Result<Self> {
-        let mut marks = Self {
-            // The estimates fail only for small pictures. Such a picture has no estimate.
-            patch_noise: patch_noise(rates, geometry).ok(),
-            weak_texture_noise: weak_texture_noise(rates, geometry).ok(),
-            difference_noise: difference_noise(rates, geometry).ok(),
-            mean: rates.iter().map(|r| f64::from(*r)).sum::<f64>() / rates.len() as f64,
-            // Scoring the detail fails only for pictures that are uniform or too small.
-            detail: reference.and_then(|reference| score_detail(rates, reference, geometry).ok()),
-            ..Self::default()
-        };
+        let mut all = Self::default();
+        all.insert("mean", rates.iter().map(|r| f64::from(*r)).sum::<f64>() / rates.len() as f64);
+        // The estimates fail only for small pictures.
+        all.extend("patch_noise", image::noise_chen(rates, geometry));
+        all.extend("weak_texture_noise", image::noise_liu(rates, geometry));
+        all.extend("difference_noise", difference_noise(rates, geometry));
+        // Scoring the detail fails only for pictures that are uniform or too small.
+        if let Some(Ok(scores)) = detail.map(|reference| image::detail(rates, reference, geometry)) {
+            all.insert("detail_slope", scores.slope);
+            all.insert("high_pass_noise", scores.noise);
+            all.insert("outliers", scores.outliers as f64);
+            all.insert_decibels("aligned_psnr_db", scores.aligned_psnr_db);
+        }
         if let Some(truth) = truth {
             let codes = truth.codes_from_rates(rates);
-            marks.psnr = Some(Decibels::new(psnr(&codes, &truth.codes, 1.0)?));
-            marks.ssim = ssim(&codes, &truth.codes, geometry, 1.0).ok();
+            all.insert_decibels("psnr_db", image::psnr(&codes, &truth.codes, geometry)?);
+            all.extend("ssim", image::ssim(&codes, &truth.codes, geometry));
         }
-        Ok(marks)
+        all.insert_snr();
+        Ok(all)
     }
 
-    /// Returns the noise divided by the mean of the picture, or `None` for a dark picture.
-    fn relative_noise(&self, noise: Option<f64>) -> Option<f64> {
-        noise.filter(|_| self.mean > 0.0).map(|noise| noise / self.mean)
-    }
-
-    fn snr(&self) -> Option<Decibels> {
-        self.relative_noise(self.patch_noise).map(|share| Decibels::new(-20.0 * share.log10()))
-    }
-
-    pub(crate) fn json(&self) -> Value {
-        let mut all = Map::new();
-        let numbers = [
-            ("ssim", self.ssim),
-            ("patch_noise", self.patch_noise),
-            ("weak_texture_noise", self.weak_texture_noise),
-            ("difference_noise", self.difference_noise),
-            ("mean", Some(self.mean)),
-        ];
-        for (key, value) in numbers {
-            if let Some(value) = value {
-                all.insert(key.to_owned(), json!(value));
-            }
+    /// Scores a color picture: three rates per pixel.
+    ///
+    /// # Errors
+    /// As [`image::cpsnr`].
+    pub(super) fn of_colors(rates: &[f32], geometry: Geometry, truth: &ReferenceImage) -> Result<Self> {
+        let codes = truth.codes_from_rates(rates);
+        let mut all = Self::default();
+        all.insert_decibels("cpsnr_db", image::cpsnr(&codes, &truth.codes, geometry)?);
+        let keys = ["psnr_db_red", "psnr_db_green", "psnr_db_blue"];
+        for (key, psnr) in keys.into_iter().zip(image::color_psnr(&codes, &truth.codes, geometry)?) {
+            all.insert_decibels(key, psnr);
         }
-        if let Some(detail) = &self.detail {
-            all.insert("detail_slope".to_owned(), json!(detail.slope));
-            all.insert("high_pass_noise".to_owned(), json!(detail.noise));
-            all.insert("outliers".to_owned(), json!(detail.outliers));
+        if let Ok(ssim) = image::color_ssim(&codes, &truth.codes, geometry) {
+            ["ssim_red", "ssim_green", "ssim_blue"].into_iter().zip(ssim).for_each(|(k, v)| all.insert(k, v));
         }
-        let aligned = self.detail.map(|d| Decibels::new(d.aligned_psnr_db));
-        for (key, value) in [("psnr_db", self.psnr), ("snr_db", self.snr()), ("aligned_psnr_db", aligned)] {
-            if let Some(value) = value {
-                value.insert(key, &mut all);
-            }
+        Ok(all)
+    }
+
+    /// Returns the mean of each score that all pictures have. The noise levels are relative to the means of the pictures.
+    pub(super) fn mean(all: &[&Self]) -> Self {
+        let mut mean = Self::default();
+        for key in all.iter().take(1).flat_map(|scores| scores.0.keys()).filter(|key| **key != "snr_db") {
+            let Some(scores) = all.iter().map(|s| s.relative(key)).collect::<Option<Vec<Score>>>() else {
+                continue;
+            };
+            let value = scores.iter().map(|s| s.value).sum::<f64>() / scores.len() as f64;
+            let value = if *key == "outliers" { value.round() } else { value };
+            mean.0.insert(key, Score { value, is_bound: scores.iter().any(|s| s.is_bound) });
         }
-        Value::Object(all)
+        if mean.0.contains_key("mean") {
+            mean.insert("mean", 1.0);
+            mean.insert_snr();
+        }
+        mean
     }
 
-    /// Returns the row below [`HEADER`]. The best PSNR and SSIM have a star.
-    pub(crate) fn table_row(&self, name: &str, best: &BestScores) -> String {
-        let mark = |is_best: bool| if is_best { '*' } else { ' ' };
-        let number = |v: Option<f64>, n: usize| v.map_or("-".into(), |v| format!("{v:.n$}"));
-        let decibels = |v: Option<Decibels>| v.map_or("-".into(), Decibels::text);
-        let percent = |v| self.relative_noise(v).map(|share| 100.0 * share);
-        format!(
-            "{name:<14} {:>8}{}{:>7}{}{:>9} {:>15} {:>14} {:>8}\n",
-            decibels(self.psnr),
-            mark(best.psnr.is_some() && self.psnr.map(Decibels::number) == best.psnr),
-            number(self.ssim, 4),
-            mark(best.ssim.is_some() && self.ssim == best.ssim),
-            number(percent(self.patch_noise), 3),
-            number(percent(self.weak_texture_noise), 3),
-            number(percent(self.difference_noise), 3),
-            decibels(self.snr()),
-        )
+    fn insert(&mut self, key: &'static str, value: f64) {
+        self.0.insert(key, Score { value, is_bound: false });
     }
 
-    pub(crate) fn has_detail(&self) -> bool {
-        self.detail.is_some()
+    fn extend<E>(&mut self, key: &'static str, value: Result<f64, E>) {
+        if let Ok(value) = value {
+            self.insert(key, value);
+        }
     }
 
-    /// Returns the row below [`DETAIL_HEADER`], or `None` without a reference. The best PSNR has a star.
-    pub(crate) fn detail_row(&self, name: &str, best: &BestScores) -> Option<String> {
-        let detail = self.detail?;
-        let mark = if best.aligned_psnr == Some(detail.aligned_psnr_db) { '*' } else { ' ' };
-        Some(format!(
-            "{name:<17}{:>12}{mark}{:>7.3} {:>10.3} {:>10}\n",
-            Decibels::new(detail.aligned_psnr_db).text(),
-            detail.slope,
-            100.0 * detail.noise,
-            detail.outliers
-        ))
+    fn insert_decibels(&mut self, key: &'static str, value: f64) {
+        let is_bound = value >= image::MAX_DECIBELS;
+        self.0.insert(key, Score { value: value.min(image::MAX_DECIBELS), is_bound });
     }
 
-    /// Returns the mean of each score. The noise of each picture is divided by the mean of the picture first.
-    pub(crate) fn average(all: &[Self]) -> Self {
-        let decibels = |f: fn(&Self) -> Option<Decibels>| {
-            Decibels::mean(&all.iter().map(f).collect::<Option<Vec<_>>>()?)
+    fn insert_snr(&mut self) {
+        if let Some(noise) = self.relative("patch_noise") {
+            self.insert_decibels("snr_db", -20.0 * noise.value.log10());
+        }
+    }
+
+    pub(super) fn get(&self, key: &str) -> Option<Score> {
+        self.0.get(key).copied()
+    }
+
+    /// Returns a score. A noise level is relative to the mean of the picture.
+    fn relative(&self, key: &str) -> Option<Score> {
+        let score = self.get(key)?;
+        if !NOISE_LEVELS.contains(&key) {
+            return Some(score);
+        }
+        self.get("mean")
+            .filter(|mean| mean.value > 0.0)
+            .map(|mean| Score { value: score.value / mean.value, ..score })
+    }
+
+    pub(super) fn json(&self) -> Value {
+        let entry = |(key, score): (&&str, &Score)| match (*key, score.is_bound) {
+            (key, true) => (format!("{key}_above"), json!(score.value)),
+            ("outliers", _) => ("outliers".to_owned(), json!(score.value as u64)),
+            (key, false) => (key.to_owned(), json!(score.value)),
         };
-        Self {
-            psnr: decibels(|m| m.psnr),
-            ssim: average(all.iter().map(|m| m.ssim)),
-            patch_noise: average(all.iter().map(|m| m.relative_noise(m.patch_noise))),
-            weak_texture_noise: average(all.iter().map(|m| m.relative_noise(m.weak_texture_noise))),
-            difference_noise: average(all.iter().map(|m| m.relative_noise(m.difference_noise))),
-            mean: 1.0,
-            detail: all
-                .iter()
-                .map(|m| m.detail)
-                .collect::<Option<Vec<_>>>()
-                .and_then(|d| DetailScores::average(&d)),
+        Value::Object(self.0.iter().map(entry).collect::<Map<_, _>>())
+    }
+
+    /// Returns the text of a score: a noise level in percent, a bound after `>`, and `-` for an absent score.
+    fn text(&self, key: &str, digits: usize) -> String {
+        let scale = if NOISE_LEVELS.contains(&key) || key == "high_pass_noise" { 100.0 } else { 1.0 };
+        match self.relative(key) {
+            None => "-".to_owned(),
+            Some(Score { value, is_bound: true }) => format!(">{value:.1}"),
+            Some(score) => format!("{:.digits$}", scale * score.value),
         }
     }
+}
+
+/// Returns the tables of the pictures. A star marks the best of several scores.
+pub(super) fn tables(pictures: &[Picture]) -> String {
+    if pictures.iter().any(|picture| picture.demosaicing.is_some()) {
+        return COLOR_HEADER.to_owned() + &pictures.iter().filter_map(color_row).collect::<String>();
+    }
+    let star = |scores: &Scores, key| {
+        let known = pictures.iter().filter_map(|p| p.score(key)).map(|score| score.value);
+        let is_best = known.clone().count() > 1 && scores.get(key).map(|s| s.value) == known.reduce(f64::max);
+        if is_best { '*' } else { ' ' }
+    };
+    let row = |picture: &Picture| match &picture.scores {
+        Ok(s) => format!(
+            "{:<14} {:>8}{}{:>7}{}{:>9} {:>15} {:>14} {:>8}\n",
+            picture.label(),
+            s.text("psnr_db", 2),
+            star(s, "psnr_db"),
+            s.text("ssim", 4),
+            star(s, "ssim"),
+            s.text("patch_noise", 3),
+            s.text("weak_texture_noise", 3),
+            s.text("difference_noise", 3),
+            s.text("snr_db", 2),
+        ),
+        Err(reason) => {
+            let place = if picture.counts.is_some() { " in any picture" } else { "" };
+            format!("{:<14} not measurable{place}: {reason}\n", picture.name)
+        }
+    };
+    let detail_row = |picture: &Picture| {
+        let s = picture.scores.as_ref().ok().filter(|s| s.get("detail_slope").is_some())?;
+        Some(format!(
+            "{:<17}{:>12}{}{:>7} {:>10} {:>10}\n",
+            picture.label(),
+            s.text("aligned_psnr_db", 2),
+            star(s, "aligned_psnr_db"),
+            s.text("detail_slope", 3),
+            s.text("high_pass_noise", 3),
+            s.text("outliers", 0),
+        ))
+    };
+    let detail: String = pictures.iter().filter_map(detail_row).collect();
+    let detail_header = if detail.is_empty() { "" } else { DETAIL_HEADER };
+    format!("{HEADER}{}{detail_header}{detail}", pictures.iter().map(row).collect::<String>())
+}
+
+fn color_row(picture: &Picture) -> Option<String> {
+    let s = picture.scores.as_ref().ok()?;
+    let [r, g, b] = ["psnr_db_red", "psnr_db_green", "psnr_db_blue"].map(|key| s.text(key, 2));
+    let [x, y, z] = ["ssim_red", "ssim_green", "ssim_blue"].map(|key| s.text(key, 4));
+    let (name, method, all) = (&picture.name, picture.demosaicing?.name(), s.text("cpsnr_db", 2));
+    Some(format!("{name:<11} {method:<11} {all:>10} {r:>14} {g:>7} {b:>7} {x:>10} {y:>7} {z:>7}\n"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn scores(all: &[(&'static str, f64)]) -> Scores {
+        let mut scores = Scores::default();
+        all.iter().for_each(|(key, value)| scores.insert(key, *value));
+        scores
+    }
+
     #[test]
     fn the_mean_with_a_bound_is_a_bound() {
-        let all = [Decibels::new(f64::INFINITY), Decibels::new(35.5)];
-        assert_eq!(Decibels::mean(&all), Some(Decibels::AtLeast(90.0)));
-        assert_eq!(Decibels::mean(&[]), None);
+        let mut all = [Scores::default(), Scores::default()];
+        all[0].insert_decibels("psnr_db", f64::INFINITY);
+        all[1].insert_decibels("psnr_db", 35.5);
+        let mean = Scores::mean(&all.each_ref());
+        assert_eq!(mean.get("psnr_db"), Some(Score { value: 90.0, is_bound: true }));
+        assert!(Scores::mean(&[]).0.is_empty());
     }
 
     #[test]
     fn the_best_of_several_pictures_has_a_star() {
-        let all = [0.5, 0.7].map(|ssim| Scores { ssim: Some(ssim), ..Scores::default() });
-        let best = BestScores::new(all.iter());
-        assert!(
-            all[1].table_row("b", &best).contains("0.7000*") && !all[0].table_row("a", &best).contains('*')
-        );
-        let single = BestScores::new(all[..1].iter());
-        assert!(!all[0].table_row("a", &single).contains('*'));
+        let all = [0.5, 0.7].map(|ssim| Picture::new("a", Ok(scores(&[("ssim", ssim)]))));
+        let rows: Vec<String> = tables(&all).lines().map(str::to_owned).collect();
+        assert!(rows[2].contains("0.7000*") && !rows[1].contains('*'), "{rows:?}");
+        assert!(!tables(&all[..1]).contains('*'));
     }
 
     #[test]
     fn a_missing_value_makes_the_mean_missing() {
-        let dark = Scores { patch_noise: Some(0.0), ..Scores::default() };
-        let lit = Scores { patch_noise: Some(0.1), mean: 1.0, ..Scores::default() };
-        assert!(Scores::average(&[dark, lit]).patch_noise.is_none());
-        assert_eq!(Scores::average(&[lit, lit]).patch_noise, Some(0.1));
+        let dark = scores(&[("patch_noise", 0.0), ("mean", 0.0)]);
+        let lit = scores(&[("patch_noise", 0.1), ("mean", 1.0)]);
+        assert!(Scores::mean(&[&dark, &lit]).get("patch_noise").is_none());
+        assert_eq!(Scores::mean(&[&lit, &lit]).get("patch_noise").map(|s| s.value), Some(0.1));
     }
 }
