@@ -2,6 +2,8 @@
 
 mod source_support;
 
+use std::collections::BTreeSet;
+
 use source_support::imports::import_circles;
 use source_support::lines::{LineCounts, table};
 use source_support::{Package, SourceFile, packages};
@@ -108,4 +110,26 @@ fn each_line_has_one_kind() {
 #[ignore = "prints a table"]
 fn print_line_counts() {
     println!("{}", table());
+}
+
+/// Returns the packages below `root` with their features.
+fn selected_features(root: &[&str]) -> BTreeSet<String> {
+    let output = std::process::Command::new(env!("CARGO"))
+        .args(["tree", "--offline", "--edges", "normal,build", "--format", "{p} {f}", "--prefix", "none"])
+        .args(root)
+        .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    text.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect()
+}
+
+/// Other features would compile all libraries again in `cargo install --path crates/cli` after `cargo run --release`.
+#[test]
+fn the_program_selects_the_features_of_the_workspace() {
+    let workspace = selected_features(&[]);
+    let program = selected_features(&["--package", "spikelane-cli"]);
+    let only_program: Vec<_> = program.difference(&workspace).collect();
+    assert!(only_program.is_empty() && program.len() > 100, "{only_program:#?}");
 }

@@ -221,7 +221,9 @@ impl<'a> FaultRun<'a> {
         if end.code == HANGS || !CODES.contains(&end.code) {
             wrong.push(format!("exit code {}", end.code));
         }
-        if end.code == 0 {
+        // A method can deny the permission to read its output. Its score is then that of the trivial answer, with a message.
+        let is_methods_fault = fault.error == "EACCES" && end.stderr.contains("trivial answer");
+        if end.code == 0 && !is_methods_fault {
             wrong.extend(self.case.differences());
         } else if fault.is_harmless {
             wrong.push(format!("exit code {}", end.code));
