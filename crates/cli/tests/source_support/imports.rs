@@ -24,8 +24,11 @@ struct Module<'a> {
     code: String,
 }
 
+#[derive(Default)]
 struct Crate<'a> {
     modules: BTreeMap<ModulePath, Module<'a>>,
+    /// Modules whose files are outside the package.
+    outside: BTreeSet<ModulePath>,
 }
 
 /// Returns the import circles of a package. Each circle is the sorted list of its files.
@@ -40,10 +43,9 @@ pub(crate) fn import_circles(package: &Package) -> Vec<Vec<String>> {
 
 impl<'a> Crate<'a> {
     fn read(package: &'a Package, root: &'a SourceFile) -> Self {
-        let mut modules = BTreeMap::new();
-        let folder = root.name.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
-        add_module(&mut modules, package, root, vec![root.name.clone()], &folder);
-        Self { modules }
+        let mut read = Self::default();
+        add_module(&mut read, package, root, vec![root.name.clone()], &folder_of(&root.name));
+        read
     }
 
     /// Returns the files from which each file imports.
@@ -88,6 +90,9 @@ impl<'a> Crate<'a> {
                 at.pop();
             } else {
                 at.push(next.clone());
+                if self.outside.contains(&at) {
+                    return None;
+                }
                 if !self.modules.contains_key(&at) {
                     at.pop();
                     break;
@@ -125,7 +130,7 @@ fn is_enclosing(name: &str, file: &str) -> bool {
 
 /// Adds the module of `file` and the modules that it declares. The files of child modules are in `folder`.
 fn add_module<'a>(
-    modules: &mut BTreeMap<ModulePath, Module<'a>>,
+    read: &mut Crate<'a>,
     package: &'a Package,
     file: &'a SourceFile,
     path: ModulePath,
@@ -142,10 +147,25 @@ fn add_module<'a>(
             inline.enter_or_leave(line);
             if let Some(child) = declared_module(line) {
                 let below = format!("{folder}{}", inline.folder());
-                let names = [format!("{below}{child}.rs"), format!("{below}{child}/mod.rs")];
+                let child_path = inline.path().into_iter().chain([child.to_owned()]).collect();
+                let attributes = file.lines[..i].iter().rev().map(|line| line.trim());
+                let mut attributes = attributes.take_while(|line| line.starts_with("#["));
+                let stated =
+                    attributes.find_map(|line| line.strip_prefix("#[path = \"")?.strip_suffix("\"]"));
+                let (names, child_folder) = match stated {
+                    Some(stated) => {
+                        let name = normalized(&format!("{}{stated}", folder_of(&file.name)));
+                        (vec![name.clone()], folder_of(&name))
+                    }
+                    None => {
+                        let name = format!("{below}{child}");
+                        (vec![format!("{name}.rs"), format!("{name}/mod.rs")], format!("{name}/"))
+                    }
+                };
                 if let Some(child_file) = package.files.iter().find(|f| names.contains(&f.name)) {
-                    let child_path = inline.path().into_iter().chain([child.to_owned()]).collect();
-                    add_module(modules, package, child_file, child_path, &format!("{below}{child}/"));
+                    add_module(read, package, child_file, child_path, &child_folder);
+                } else {
+                    read.outside.insert(child_path);
                 }
             }
             code += line;
@@ -159,8 +179,26 @@ fn add_module<'a>(
     for (at, imports) in imports {
         // The code of an inline module is part of the code of its file.
         let code = if at == inline.root { code.clone() } else { String::new() };
-        modules.insert(at, Module { file, imports, code });
+        read.modules.insert(at, Module { file, imports, code });
     }
+}
+
+/// Returns the folder of a file, with a slash at its end.
+fn folder_of(name: &str) -> String {
+    name.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"))
+}
+
+/// Removes `folder/..` from a path.
+fn normalized(path: &str) -> String {
+    let mut parts: Vec<&str> = Vec::new();
+    for part in path.split('/') {
+        if part == ".." && parts.last().is_some_and(|last| *last != "..") {
+            parts.pop();
+        } else {
+            parts.push(part);
+        }
+    }
+    parts.join("/")
 }
 
 /// The inline modules that contain a line, such as `mod name { mod child; }`.
