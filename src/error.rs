@@ -8,8 +8,7 @@ pub(crate) mod quoting;
 mod setting;
 
 use std::borrow::Cow;
-use std::fmt;
-use std::io;
+use std::{fmt, io};
 
 use crate::variants::variant_names;
 

@@ -5,10 +5,9 @@ use std::hash::{Hash as _, Hasher};
 use crate::count::Count;
 use crate::draws::Seeds;
 use crate::error::{Result, bail};
-use crate::inputs;
 use crate::sensor::{FrontEnd, Mosaic, Sensor};
 use crate::spikes::{Crop, Geometry};
-use crate::threads;
+use crate::{inputs, threads};
 
 use super::catalog::name_clash_error;
 use super::circuit::Circuit;

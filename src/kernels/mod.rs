@@ -20,9 +20,8 @@ mod start;
 pub use crate::light::samples::Samples;
 pub use backend::Backend;
 pub use batch::{Batch, Job, NoiseRoundKeys, RoundKeys, Segment, SegmentLight};
-pub use bits::AnyCpu;
 pub use bits::{
-    BLOCK_WORDS, BitOps, Counters, I16_LANES, I16Lanes, MAX_GROUPS, MAX_SPIKES, OVERRUN, Positions,
+    AnyCpu, BLOCK_WORDS, BitOps, Counters, I16_LANES, I16Lanes, MAX_GROUPS, MAX_SPIKES, OVERRUN, Positions,
     ROW_WORDS, SearchOrder, SpikeTimes, Tally, Task, dispatch, dispatch_task, first_spikes, load_row,
 };
 pub use modulation::{Modulation, SpikeFeedback};

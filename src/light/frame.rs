@@ -7,8 +7,7 @@ use super::samples::Samples;
 use crate::count::Count;
 use crate::error::{Error, Result, bail, error};
 use crate::sensor::{FrontEnd, FullScale, Transfer};
-use crate::spikes::Geometry;
-use crate::spikes::MAX_PIXELS;
+use crate::spikes::{Geometry, MAX_PIXELS};
 
 /// The light of the pixels of a frame as linear samples, row-major, top row first.
 ///

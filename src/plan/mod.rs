@@ -21,9 +21,8 @@ pub use dynamics::{AdaptationRule, Dynamics, LagRule, SlowNoiseRule, TelegraphRu
 pub use error_bounds::ErrorBounds;
 pub(crate) use initial_state::{ScalarDraws, StartDraws};
 pub use readout_faults::ReadoutFaults;
-pub(crate) use state::FOREIGN_STATE;
 pub(crate) use state::{
-    ADAPTATION_COLUMN, FRACTION_TOP_BIT, LAG_COLUMN, SLOW_NOISE_COLUMN, TELEGRAPH_COLUMN,
+    ADAPTATION_COLUMN, FOREIGN_STATE, FRACTION_TOP_BIT, LAG_COLUMN, SLOW_NOISE_COLUMN, TELEGRAPH_COLUMN,
 };
 pub use state::{SimulatorState, StateTile};
 pub use tables::{Flip, NoiseTable, PixelTables, Rules, ShotTables};
@@ -34,10 +33,9 @@ use crate::draws::hash::CounterRng;
 use crate::draws::{RandomStream, Seeds, poisson};
 use crate::effects::{Camera, Model};
 use crate::error::{Result, bail};
-use crate::inputs;
 use crate::pixel::Law;
 use crate::spikes::Geometry;
-use crate::threads;
+use crate::{inputs, threads};
 use initial_state::StartDistribution;
 
 /// Number of pixels to which tables are padded: the length of each table is a multiple of this number.

@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use toml::Table;
-use toml::Value;
+use toml::{Table, Value};
 
 use crate::effects::{Camera, Catalog, Effect};
 use crate::error::quoting::toml_fault;

@@ -9,8 +9,7 @@ mod mosaic;
 mod write;
 
 pub use bytes::{fingerprint, from_bytes, to_bytes};
-pub use distribution::CameraDistribution;
-pub use distribution::ParamRange;
+pub use distribution::{CameraDistribution, ParamRange};
 pub use file::from_toml;
 pub use write::{CameraFiles, to_toml};
 

@@ -22,10 +22,8 @@ pub use color::{ColorMatrix, Demosaic, ciede2000, demosaic, lab};
 pub use detail::{DetailReference, DetailScores, aligned_psnr, gaussian_blur, score_detail};
 pub use quality::{psnr, ssim};
 pub use span_rates::span_rates;
-pub use tfi::isi_map;
-pub use tfi::{Tfi, tfi, tfi_with_open_pixels};
-pub use tfp::TfpSequence;
-pub use tfp::tfp;
+pub use tfi::{Tfi, isi_map, tfi, tfi_with_open_pixels};
+pub use tfp::{TfpSequence, tfp};
 
 use crate::error::{Result, error};
 use crate::inputs;

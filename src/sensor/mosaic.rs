@@ -376,8 +376,9 @@ fn foreign_channel_error(key: &str, name: char, pattern: &str) -> Error {
     let mut names: Vec<char> = pattern.trim_start_matches("quad-").chars().filter(|c| *c != '/').collect();
     names.sort_unstable();
     names.dedup();
+    let listed = names.iter().map(char::to_string).collect::<Vec<_>>().join(", ");
     error!(Config, "{key}"; found "the channel {name}";
-        expected "{} of the pattern {pattern}: {}", Count(names.len(), "channel"), names.iter().map(char::to_string).collect::<Vec<_>>().join(", "))
+        expected "{} of the pattern {pattern}: {listed}", Count(names.len(), "channel"))
 }
 
 #[cfg(test)]

@@ -21,8 +21,7 @@ pub use parallel::{map, run_observed, thread_count, try_map};
 #[cfg(feature = "threads")]
 pub use pool::Pool;
 pub use spawn::{map_indexed, no_thread_error, spawn, spawn_scoped};
-pub use stop::check_stop;
-pub use stop::run_until;
+pub use stop::{check_stop, run_until};
 
 #[cfg(feature = "threads")]
 pub use parallel::join;

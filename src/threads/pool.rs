@@ -1,9 +1,8 @@
 //! A thread pool that a child process starts again after `fork`.
 
-use std::fmt;
-use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::{Builder, JoinHandle};
+use std::{fmt, io};
 
 use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, ParallelIterator as _};
 use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder};

@@ -8,13 +8,12 @@ use spikelane::error::{ErrorKind, Result, bail, error, render_settings};
 use crate::encoding::encoded_image;
 use crate::http::{REPORT_POLICY, Response};
 use crate::jobs::{JobState, Jobs, Task};
-use crate::labels;
 use crate::live::LiveState;
-use crate::page;
 use crate::picture::{MAX_WINDOW_READOUTS, Method};
 use crate::query::Query;
 use crate::region::{MAX_REQUEST_BYTES, check_request, interval_distances, pixel, rate_over_time};
 use crate::sources::{OpenStream, Sources};
+use crate::{labels, page};
 
 /// The data of a server.
 pub(crate) struct Api {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use serde_json::json;
-use spikelane::error::{Result, bail};
+use spikelane::error::{Result, Setting, bail};
 use spikelane::spikes::Crop;
 use spikelane_io::formats::{Layout, StreamReader, convert_to};
 
@@ -46,7 +46,7 @@ pub fn export_page(sources: &Sources, readouts: Range<usize>, crop: Option<Crop>
         let readouts_limit = (MAX_PAGE_BYTES - page_bytes - (1 << 20)) / 4 * 3 / geometry.frame_bytes();
         bail!(Usage, "page of {} readouts", readouts.len(); found "{} MB", needed / 1_000_000;
             expected "at most {} MB", MAX_PAGE_BYTES / 1_000_000;
-            remedy "choose at most {readouts_limit} readouts with {}, or choose fewer pixels with {}", spikelane::error::Setting("readouts"), spikelane::error::Setting("crop"));
+            remedy "choose at most {readouts_limit} readouts with {}, or choose fewer pixels with {}", Setting("readouts"), Setting("crop"));
     }
     let mut bytes = Vec::with_capacity(packed);
     convert_to(&stream.reader, readouts.clone(), crop, Layout::DatTop, |part| {

@@ -7,8 +7,7 @@ use std::time::Duration;
 
 use spikelane::error::{Result, bail, error};
 use spikelane::spikes::{Geometry, SpikeFrames};
-use spikelane::unstable::inputs;
-use spikelane::unstable::threads;
+use spikelane::unstable::{inputs, threads};
 use spikelane_io::formats::Codec;
 use spikelane_io::live::{RingRead, RingReader};
 

@@ -20,6 +20,5 @@ pub use bit_planes::ROW_WORDS;
 pub use counters::{Counters, MAX_GROUPS, load_row};
 pub use dispatch::{Task, dispatch, dispatch_f64_task, dispatch_task};
 pub use first_spikes::{SearchOrder, first_spikes};
-pub use i16_lanes::AnyCpu;
-pub use i16_lanes::{I16_LANES, I16Lanes};
+pub use i16_lanes::{AnyCpu, I16_LANES, I16Lanes};
 pub use tally::{SpikeTimes, Tally};

@@ -16,13 +16,12 @@
 //! sensor run one readout before any vector runs the next readout. The increments of all vectors are then stored in
 //! memory.
 
-use crate::kernels::body::general;
 use crate::kernels::body::incident_light::{dark_current, lagged, select_f, with_crosstalk};
 use crate::kernels::body::increment::{FractionalNoise, Increment, to_fixed_point};
 use crate::kernels::body::pixels::{Constants, Pixels};
 use crate::kernels::body::slow_state::SlowState;
 use crate::kernels::body::step::{hash, stays_below};
-use crate::kernels::body::{NOISE_NONE, STORE_SURPLUS};
+use crate::kernels::body::{NOISE_NONE, STORE_SURPLUS, general};
 use crate::kernels::isa::lanes::Lanes;
 use crate::kernels::modulation::SpikeFeedback;
 use crate::kernels::{Job, SegmentLight};

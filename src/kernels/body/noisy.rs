@@ -15,7 +15,6 @@
 
 use std::ops::Range;
 
-use crate::kernels::body::general;
 use crate::kernels::body::incident_light::{effective, incident};
 use crate::kernels::body::increment::{FractionalNoise, Increment};
 use crate::kernels::body::interpolated::InterpolatedPass;
@@ -23,7 +22,7 @@ use crate::kernels::body::pair::pair;
 use crate::kernels::body::pass::{Pass, Row, Rows, passes};
 use crate::kernels::body::per_readout::PerReadoutFrames;
 use crate::kernels::body::pixels::{Constants, Pixels};
-use crate::kernels::body::step;
+use crate::kernels::body::{general, step};
 use crate::kernels::isa::lanes::{COUNT_READOUTS, Lanes};
 use crate::kernels::{Job, SegmentLight};
 use crate::plan::StateTile;

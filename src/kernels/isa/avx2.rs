@@ -7,7 +7,7 @@ use std::arch::x86_64::*;
 
 use crate::draws::gauss;
 use crate::kernels::isa::intrinsics::{
-    for_pair, for_pair_index, intrinsic, lane_methods, memory_intrinsic, vector_methods,
+    for_pair, for_pair_index, intrinsic, lane_methods, memory_intrinsic, vector_mask_methods, vector_methods,
 };
 use crate::kernels::isa::lanes::{Lanes, last_index};
 
@@ -45,13 +45,7 @@ static HIGH_TABLE: [i8; 32] = repeat_table(gauss::HIGH_NIBBLE_TABLE);
 type Pair = [__m256i; 2];
 type PairF = [__m256; 2];
 
-impl Avx2 {
-    /// Packs two vectors of 32-bit words below 65,536 into sixteen 16-bit words.
-    #[inline(always)]
-    fn pack(self, [a, b]: Pair) -> __m256i {
-        intrinsic!(_mm256_packus_epi32(a, b))
-    }
-}
+impl Avx2 {}
 
 /// Returns both vectors and forces the compiler to have both in registers at this point of the code.
 ///
@@ -78,6 +72,11 @@ impl Lanes for Avx2 {
         load _mm256_loadu_si256, store _mm256_storeu_si256, splat _mm256_set1_epi16 _mm256_set1_epi32 _mm256_set1_ps,
         shift _mm256_srl_epi32
     }
+    vector_mask_methods! {
+        select _mm256_blendv_epi8, saturate _mm256_subs_epi16, shift _mm256_srai_epi32 _mm256_srli_epi32,
+        pack _mm256_packs_epi32 _mm256_packus_epi32, unpack _mm256_unpacklo_epi16 _mm256_unpackhi_epi16,
+        greater _mm256_cmpgt_epi32, and _mm256_and_si256, load _mm256_loadu_si256
+    }
     lane_methods! {
         halves: add _mm256_add_epi16, sub _mm256_sub_epi16, add_saturating _mm256_adds_epi16,
             min _mm256_min_epi16, scale _mm256_mulhrs_epi16, greater _mm256_cmpgt_epi16,
@@ -99,24 +98,8 @@ impl Lanes for Avx2 {
         memory_intrinsic!(_mm256_cvtepu8_epi16(_mm_loadu_si128(from.as_ptr().cast())))
     }
     #[inline(always)]
-    fn select(self, m: __m256i, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_blendv_epi8(b, a, m))
-    }
-    #[inline(always)]
-    fn sub_where(self, m: __m256i, a: __m256i, b: __m256i) -> __m256i {
-        intrinsic!(_mm256_sub_epi16(a, _mm256_and_si256(m, b)))
-    }
-    #[inline(always)]
     fn reset(self, a: __m256i, b: __m256i) -> __m256i {
         intrinsic!(_mm256_max_epu16(a, _mm256_sub_epi16(a, b)))
-    }
-    #[inline(always)]
-    fn increment_where(self, m: __m256i, a: __m256i) -> __m256i {
-        intrinsic!(_mm256_subs_epi16(a, m))
-    }
-    #[inline(always)]
-    fn not(self, a: __m256i) -> __m256i {
-        intrinsic!(_mm256_xor_si256(a, _mm256_set1_epi16(-1)))
     }
     #[inline(always)]
     fn bits(self, m: __m256i) -> u32 {
@@ -183,12 +166,6 @@ impl Lanes for Avx2 {
         })
     }
     #[inline(always)]
-    fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
-        let from = &from[at..at + 16];
-        let shorts = memory_intrinsic!(_mm256_loadu_si256(from.as_ptr().cast()));
-        self.to_f(self.join(self.splat(0), shorts))
-    }
-    #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
         for_pair_index!(i => intrinsic!(_mm256_blendv_ps(y[i], x[i], _mm256_cmp_ps::<_CMP_LT_OQ>(a[i], b[i]))))
     }
@@ -199,24 +176,6 @@ impl Lanes for Avx2 {
         intrinsic!(_mm256_movemask_ps(_mm256_or_ps(first, second))) != 0
     }
     #[inline(always)]
-    fn load_words(self, from: &[u32], at: usize) -> Pair {
-        self.f_to_bits(self.load_f(bytemuck::cast_slice(from), at))
-    }
-    #[inline(always)]
-    fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
-        for_pair_index!(i => intrinsic!(_mm256_blendv_epi8(y[i], x[i], _mm256_cmpgt_epi32(b[i], a[i]))))
-    }
-    #[inline(always)]
-    fn greater_w(self, a: Pair, b: Pair) -> __m256i {
-        let [first, second] = for_pair_index!(i => intrinsic!(_mm256_cmpgt_epi32(a[i], b[i])));
-        intrinsic!(_mm256_packs_epi32(first, second))
-    }
-    #[inline(always)]
-    fn select_w(self, m: __m256i, a: Pair, b: Pair) -> Pair {
-        let m = self.join(m, m);
-        for_pair_index!(i => intrinsic!(_mm256_blendv_epi8(b[i], a[i], m[i])))
-    }
-    #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
         let last = self.splat_pair(last_index(table));
         for_pair!(index => {
@@ -225,22 +184,5 @@ impl Lanes for Avx2 {
             // `last_index`, so the instruction reads no negative index and nothing outside the table.
             unsafe { _mm256_i32gather_epi32::<4>(table.as_ptr().cast(), _mm256_min_epu32(index, last)) }
         })
-    }
-    #[inline(always)]
-    fn low(self, a: Pair) -> __m256i {
-        self.pack(for_pair_index!(i => intrinsic!(_mm256_and_si256(a[i], _mm256_set1_epi32(0xffff)))))
-    }
-    #[inline(always)]
-    fn high(self, a: Pair) -> __m256i {
-        self.pack(for_pair_index!(i => intrinsic!(_mm256_srli_epi32::<16>(a[i]))))
-    }
-    #[inline(always)]
-    fn join(self, high: __m256i, low: __m256i) -> Pair {
-        intrinsic!([_mm256_unpacklo_epi16(low, high), _mm256_unpackhi_epi16(low, high)])
-    }
-    #[inline(always)]
-    fn widen(self, a: __m256i) -> Pair {
-        let doubled = self.join(a, a);
-        for_pair!(doubled => intrinsic!(_mm256_srai_epi32::<16>(doubled)))
     }
 }

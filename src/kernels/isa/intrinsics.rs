@@ -103,6 +103,74 @@ macro_rules! vector_methods {
     };
 }
 
+/// Defines the methods of [`Lanes`](super::lanes::Lanes) of an instruction set whose masks are vectors and whose 32-bit
+/// words are in the order that the unpack instructions produce.
+macro_rules! vector_mask_methods {
+    (
+        select $blend:ident, saturate $subtract:ident, shift $arithmetic:ident $logical:ident,
+        pack $signed:ident $unsigned:ident, unpack $low:ident $high:ident,
+        greater $greater:ident, and $and:ident, load $load:ident
+    ) => {
+        #[inline(always)]
+        fn select(self, m: Self::Mask, a: Self::Half, b: Self::Half) -> Self::Half {
+            intrinsic!($blend(b, a, m))
+        }
+        #[inline(always)]
+        fn sub_where(self, m: Self::Mask, a: Self::Half, b: Self::Half) -> Self::Half {
+            self.sub(a, intrinsic!($and(m, b)))
+        }
+        #[inline(always)]
+        fn increment_where(self, m: Self::Mask, a: Self::Half) -> Self::Half {
+            intrinsic!($subtract(a, m))
+        }
+        #[inline(always)]
+        fn not(self, m: Self::Mask) -> Self::Mask {
+            self.xor(m, self.splat(-1))
+        }
+        #[inline(always)]
+        fn shorts_to_f(self, from: &[u16], at: usize) -> Self::Float {
+            let from = &from[at..at + const { Self::N }];
+            let shorts = memory_intrinsic!($load(from.as_ptr().cast()));
+            self.to_f(self.join(self.splat(0), shorts))
+        }
+        #[inline(always)]
+        fn load_words(self, from: &[u32], at: usize) -> Self::Word {
+            self.f_to_bits(self.load_f(bytemuck::cast_slice(from), at))
+        }
+        #[inline(always)]
+        fn select_less_w(self, a: Self::Word, b: Self::Word, x: Self::Word, y: Self::Word) -> Self::Word {
+            for_pair_index!(i => intrinsic!($blend(y[i], x[i], $greater(b[i], a[i]))))
+        }
+        #[inline(always)]
+        fn greater_w(self, a: Self::Word, b: Self::Word) -> Self::Mask {
+            intrinsic!($signed($greater(a[0], b[0]), $greater(a[1], b[1])))
+        }
+        #[inline(always)]
+        fn select_w(self, m: Self::Mask, a: Self::Word, b: Self::Word) -> Self::Word {
+            let m = self.join(m, m);
+            for_pair_index!(i => intrinsic!($blend(b[i], a[i], m[i])))
+        }
+        #[inline(always)]
+        fn low(self, a: Self::Word) -> Self::Half {
+            let mask = self.splat_pair(0xffff);
+            intrinsic!($unsigned($and(a[0], mask), $and(a[1], mask)))
+        }
+        #[inline(always)]
+        fn high(self, a: Self::Word) -> Self::Half {
+            intrinsic!($unsigned($logical::<16>(a[0]), $logical::<16>(a[1])))
+        }
+        #[inline(always)]
+        fn join(self, high: Self::Half, low: Self::Half) -> Self::Word {
+            intrinsic!([$low(low, high), $high(low, high)])
+        }
+        #[inline(always)]
+        fn widen(self, a: Self::Half) -> Self::Word {
+            let doubled = self.join(a, a);
+            for_pair!(doubled => intrinsic!($arithmetic::<16>(doubled)))
+        }
+    };
+}
+
 /// Defines the methods of [`Lanes`](super::lanes::Lanes) that are one instruction per vector. The group before a colon
 /// states the types of the arguments and of the result.
 macro_rules! lane_methods {
@@ -145,5 +213,5 @@ macro_rules! lane_methods {
 }
 
 pub(in crate::kernels) use {
-    for_pair, for_pair_index, intrinsic, lane_methods, memory_intrinsic, vector_methods,
+    for_pair, for_pair_index, intrinsic, lane_methods, memory_intrinsic, vector_mask_methods, vector_methods,
 };

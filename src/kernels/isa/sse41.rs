@@ -7,7 +7,7 @@ use std::arch::x86_64::*;
 
 use crate::draws::gauss;
 use crate::kernels::isa::intrinsics::{
-    for_pair, for_pair_index, intrinsic, lane_methods, memory_intrinsic, vector_methods,
+    for_pair, for_pair_index, intrinsic, lane_methods, memory_intrinsic, vector_mask_methods, vector_methods,
 };
 use crate::kernels::isa::lanes::{Lanes, last_index};
 
@@ -51,6 +51,11 @@ impl Lanes for Sse41 {
         load _mm_loadu_si128, store _mm_storeu_si128, splat _mm_set1_epi16 _mm_set1_epi32 _mm_set1_ps,
         shift _mm_srl_epi32
     }
+    vector_mask_methods! {
+        select _mm_blendv_epi8, saturate _mm_subs_epi16, shift _mm_srai_epi32 _mm_srli_epi32,
+        pack _mm_packs_epi32 _mm_packus_epi32, unpack _mm_unpacklo_epi16 _mm_unpackhi_epi16,
+        greater _mm_cmpgt_epi32, and _mm_and_si128, load _mm_loadu_si128
+    }
     lane_methods! {
         halves: add _mm_add_epi16, sub _mm_sub_epi16, add_saturating _mm_adds_epi16, min _mm_min_epi16,
             scale _mm_mulhrs_epi16, greater _mm_cmpgt_epi16, mul _mm_mullo_epi16, and _mm_and_si128,
@@ -70,24 +75,8 @@ impl Lanes for Sse41 {
         memory_intrinsic!(_mm_cvtepu8_epi16(_mm_loadl_epi64(from.as_ptr().cast())))
     }
     #[inline(always)]
-    fn select(self, m: __m128i, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_blendv_epi8(b, a, m))
-    }
-    #[inline(always)]
-    fn sub_where(self, m: __m128i, a: __m128i, b: __m128i) -> __m128i {
-        intrinsic!(_mm_sub_epi16(a, _mm_and_si128(m, b)))
-    }
-    #[inline(always)]
     fn reset(self, a: __m128i, b: __m128i) -> __m128i {
         intrinsic!(_mm_max_epu16(a, _mm_sub_epi16(a, b)))
-    }
-    #[inline(always)]
-    fn increment_where(self, m: __m128i, a: __m128i) -> __m128i {
-        intrinsic!(_mm_subs_epi16(a, m))
-    }
-    #[inline(always)]
-    fn not(self, a: __m128i) -> __m128i {
-        intrinsic!(_mm_xor_si128(a, _mm_set1_epi16(-1)))
     }
     #[inline(always)]
     fn bits(self, m: __m128i) -> u32 {
@@ -129,12 +118,6 @@ impl Lanes for Sse41 {
         self.to_f(words)
     }
     #[inline(always)]
-    fn shorts_to_f(self, from: &[u16], at: usize) -> PairF {
-        let from = &from[at..at + 8];
-        let shorts = memory_intrinsic!(_mm_loadu_si128(from.as_ptr().cast()));
-        self.to_f(self.join(self.splat(0), shorts))
-    }
-    #[inline(always)]
     fn select_less_f(self, a: PairF, b: PairF, x: PairF, y: PairF) -> PairF {
         for_pair_index!(i => intrinsic!(_mm_blendv_ps(y[i], x[i], _mm_cmplt_ps(a[i], b[i]))))
     }
@@ -142,24 +125,6 @@ impl Lanes for Sse41 {
     fn any_less_f(self, a: PairF, b: PairF) -> bool {
         let [first, second] = for_pair_index!(i => intrinsic!(_mm_cmplt_ps(a[i], b[i])));
         intrinsic!(_mm_movemask_ps(_mm_or_ps(first, second))) != 0
-    }
-    #[inline(always)]
-    fn load_words(self, from: &[u32], at: usize) -> Pair {
-        self.f_to_bits(self.load_f(bytemuck::cast_slice(from), at))
-    }
-    #[inline(always)]
-    fn select_less_w(self, a: Pair, b: Pair, x: Pair, y: Pair) -> Pair {
-        for_pair_index!(i => intrinsic!(_mm_blendv_epi8(y[i], x[i], _mm_cmplt_epi32(a[i], b[i]))))
-    }
-    #[inline(always)]
-    fn greater_w(self, a: Pair, b: Pair) -> __m128i {
-        let [first, second] = for_pair_index!(i => intrinsic!(_mm_cmpgt_epi32(a[i], b[i])));
-        intrinsic!(_mm_packs_epi32(first, second))
-    }
-    #[inline(always)]
-    fn select_w(self, m: __m128i, a: Pair, b: Pair) -> Pair {
-        let m = self.join(m, m);
-        for_pair_index!(i => intrinsic!(_mm_blendv_epi8(b[i], a[i], m[i])))
     }
     #[inline(always)]
     fn gather(self, table: &[u32], index: Pair) -> Pair {
@@ -170,24 +135,5 @@ impl Lanes for Sse41 {
             let at = |i: u32| table[(i as usize).min(last)];
             bytemuck::cast([at(a), at(b), at(c), at(d)])
         })
-    }
-    #[inline(always)]
-    fn low(self, a: Pair) -> __m128i {
-        let [first, second] = for_pair!(a => intrinsic!(_mm_and_si128(a, _mm_set1_epi32(0xffff))));
-        intrinsic!(_mm_packus_epi32(first, second))
-    }
-    #[inline(always)]
-    fn high(self, a: Pair) -> __m128i {
-        let [first, second] = for_pair!(a => intrinsic!(_mm_srli_epi32::<16>(a)));
-        intrinsic!(_mm_packus_epi32(first, second))
-    }
-    #[inline(always)]
-    fn join(self, high: __m128i, low: __m128i) -> Pair {
-        intrinsic!([_mm_unpacklo_epi16(low, high), _mm_unpackhi_epi16(low, high)])
-    }
-    #[inline(always)]
-    fn widen(self, a: __m128i) -> Pair {
-        let doubled = self.join(a, a);
-        for_pair!(doubled => intrinsic!(_mm_srai_epi32::<16>(doubled)))
     }
 }

@@ -6,8 +6,10 @@ use std::time::Instant;
 
 use spikelane::effects::Camera;
 use spikelane_calibrate::RecordingSet;
-use spikelane_diagnose::{DiagnoseOptions, Setup, Verdict, diagnose_with_preliminary, published_camera};
-use spikelane_diagnose::{ReadoutSelection, RecordingPart};
+use spikelane_diagnose::{
+    DiagnoseOptions, ReadoutSelection, RecordingPart, Setup, Verdict, diagnose_with_preliminary,
+    published_camera,
+};
 
 use spikelane_studies::provenance::provenance;
 

@@ -7,8 +7,7 @@ use crate::formats::layouts::copy_bits;
 use crate::formats::{Codec, Layout, StreamReader, StreamSummary, StreamWriter};
 use spikelane::error::{Result, bail};
 use spikelane::spikes::{Crop, Geometry};
-use spikelane::unstable::Count;
-use spikelane::unstable::threads;
+use spikelane::unstable::{Count, threads};
 
 /// Number of bytes of packed frames in one batch.
 const BATCH_BYTES: usize = 1 << 20;

@@ -21,8 +21,7 @@ mod tfi;
 mod writer;
 
 pub use convert::{convert, convert_to};
-pub use events::EVENTS_LAYOUT;
-pub use events::write_events;
+pub use events::{EVENTS_LAYOUT, write_events};
 pub use frames::StreamFrames;
 pub use layout_guesses::{LayoutGuess, LayoutGuesses};
 pub use layouts::codec::Codec;
@@ -31,8 +30,7 @@ pub use open_options::OpenOptions;
 pub use origin::{GeometryOrigin, MissingFrames};
 pub use reader::StreamReader;
 pub use sidecar::find_sidecar;
-pub use writer::sidecar_path;
-pub use writer::{StreamSummary, StreamWriter};
+pub use writer::{StreamSummary, StreamWriter, sidecar_path};
 
 pub use crate::storage::{OutputSet, write_small};
 pub use spikelane::spikes::Crop;

@@ -3,6 +3,7 @@
 use std::io::{Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use crate::ARCHIVE_MAGIC;
 use crate::formats::layouts::{self, ArchiveHint, ArrayContent, ArrayHeader, ReadoutAxis};
 use crate::formats::origin::{GeometryOrigin, MissingFrames};
 use crate::formats::reader::StreamReader;
@@ -11,9 +12,8 @@ use crate::formats::source::{ByteSource, FrameOffsets};
 use crate::formats::{Codec, Layout, dataset_config, foreign_format, layout_guesses, sidecar, size};
 use spikelane::error::{Error, Result, Setting, bail, error};
 use spikelane::spikes::Geometry;
-use spikelane::unstable::Count;
 use spikelane::unstable::inputs::InputFile;
-use spikelane::unstable::npy;
+use spikelane::unstable::{Count, npy};
 
 /// Options for opening a stream. The reader determines options that are `None` from the file and the files beside it.
 ///
@@ -110,7 +110,7 @@ impl OpenOptions {
             self.geometry.is_some() || facts.geometry.is_some() || self.layout.is_some_and(tells);
         let above = if is_described || is_array(&head) {
             None
-        } else if head.starts_with(layouts::ARCHIVE_MAGIC) {
+        } else if head.starts_with(ARCHIVE_MAGIC) {
             // The size of the arrays in an archive is known without a configuration, so an invalid configuration is
             // ignored.
             dataset_config::find_above(path).unwrap_or_default()
@@ -183,11 +183,11 @@ impl ReaderBuilder<'_> {
             return Err(format.to_error(&self.name));
         }
         let arrays = wanted.is_none_or(Layout::is_array);
-        if let Some(key) = self.options.key.as_ref().filter(|_| !head.starts_with(layouts::ARCHIVE_MAGIC)) {
+        if let Some(key) = self.options.key.as_ref().filter(|_| !head.starts_with(ARCHIVE_MAGIC)) {
             bail!(Usage, "{}", self.name; found "the array name '{key}' for a file that is not an archive";
                 expected "an .npz archive"; remedy "omit {}", Setting("key"));
         }
-        let is_npz = head.starts_with(layouts::ARCHIVE_MAGIC);
+        let is_npz = head.starts_with(ARCHIVE_MAGIC);
         let (is_npy, begins_as_npy) = (is_array(&head), head.starts_with(npy::MAGIC));
         drop(head);
         let mut reader = if arrays && is_npz {

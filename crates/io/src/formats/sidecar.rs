@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use crate::formats::size::stream_settings;
 use crate::formats::writer::sidecar_path;
 use crate::formats::{EVENTS_LAYOUT, Layout};
-use spikelane::error::{Error, Result, Setting, bail, error};
+use spikelane::error::{Error, Result, bail, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::{Access, MAX_TEXT_BYTES, check_link, not_found_as_none, read_bytes};
 
@@ -54,10 +55,8 @@ pub fn find_sidecar(stream: &Path) -> Result<Option<PathBuf>> {
     let folder = |path: &Path| path.canonicalize().ok().and_then(|real| real.parent().map(Path::to_owned));
     match check_link(path.parent().unwrap_or(Path::new("")), &path, Access::Read) {
         Err(e) if folder(&path) != folder(stream) => Err(e.remedy(format_args!(
-            "copy the sidecar there, or remove the link and set {}, {} and {}",
-            Setting("width"),
-            Setting("height"),
-            Setting("layout")
+            "copy the sidecar there, or remove the link and set {}",
+            stream_settings()
         ))),
         _ => Ok(Some(path)),
     }
@@ -77,14 +76,8 @@ fn candidates(path: &Path) -> Vec<PathBuf> {
 }
 
 fn read(path: &Path, stream: &Path) -> Result<SidecarFacts> {
-    let text = read_bytes(path, "a sidecar", MAX_TEXT_BYTES).map_err(|e| {
-        e.remedy(format_args!(
-            "set {}, {} and {} to ignore the sidecar",
-            Setting("width"),
-            Setting("height"),
-            Setting("layout")
-        ))
-    })?;
+    let text = read_bytes(path, "a sidecar", MAX_TEXT_BYTES)
+        .map_err(|e| e.remedy(format_args!("set {} to ignore the sidecar", stream_settings())))?;
     let facts = parse(&path.display().to_string(), &text, stream)?;
     Ok(SidecarFacts { path: Some(path.to_path_buf()), ..facts })
 }
@@ -94,7 +87,7 @@ pub(super) fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFac
     let bad = |found: String| {
         error!(Config, "{name}"; found "{found}";
             expected "a JSON object with width, height, layout, readouts";
-            remedy "set {}, {} and {} to ignore the sidecar", Setting("width"), Setting("height"), Setting("layout"))
+            remedy "set {} to ignore the sidecar", stream_settings())
     };
     let keys: SidecarKeys = serde_json::from_slice(text).map_err(|e| bad(e.to_string()))?;
     let geometry = match (keys.width, keys.height) {

@@ -71,22 +71,16 @@ pub(super) fn unknown_size_error(name: &str, data: usize) -> Error {
 }
 
 fn remedy(data: usize, tried: Option<Codec>) -> String {
-    let hints = hints(data, tried);
+    let (settings, hints) = (stream_settings(), hints(data, tried));
     if hints.is_empty() {
-        return format!(
-            "check {}, {} and {}, and whether the file is truncated",
-            Setting("width"),
-            Setting("height"),
-            Setting("layout")
-        );
+        return format!("check {settings}, and whether the file is truncated");
     }
-    format!(
-        "set {}, {} and {} to the values of the file: {}",
-        Setting("width"),
-        Setting("height"),
-        Setting("layout"),
-        hints.join("; ")
-    )
+    format!("set {settings} to the values of the file: {}", hints.join("; "))
+}
+
+/// Returns the settings that describe a stream without a header.
+pub(super) fn stream_settings() -> String {
+    format!("{}, {} and {}", Setting("width"), Setting("height"), Setting("layout"))
 }
 
 fn hints(data: usize, tried: Option<Codec>) -> Vec<String> {

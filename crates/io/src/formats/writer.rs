@@ -7,8 +7,7 @@ use crate::formats::{Codec, Layout};
 use crate::storage::{Digest, FileWriter};
 use spikelane::error::{Result, bail};
 use spikelane::spikes::{self, Geometry};
-use spikelane::unstable::Count;
-use spikelane::unstable::threads;
+use spikelane::unstable::{Count, threads};
 
 /// Number of bytes that are encoded and then hashed in one step. A piece of this size stays in the second-level cache
 /// between encoding and hashing, and fills all SIMD lanes of the hash.

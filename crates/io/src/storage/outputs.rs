@@ -1,8 +1,7 @@
 //! The output files of one command. The files are checked and locked before the computation starts.
 
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use crate::storage::lock_file::LockFile;
 use crate::storage::partial_file::{parent_folder, refuse_existing};

@@ -11,12 +11,10 @@ mod npy;
 mod preview;
 
 pub use coco::CocoAnnotations;
-pub use exr::check_exr_support;
-pub use exr::exr_image;
+pub use exr::{check_exr_support, exr_image};
 pub use flo::flo_flow;
 pub use kitti::{kitti_box_file, kitti_box_line, kitti_depth, kitti_flow};
-pub use npy::{npy_bool, npy_f32, npy_u8, npy_u32};
-pub use npy::{npy_depth, npy_flow};
+pub use npy::{npy_bool, npy_depth, npy_f32, npy_flow, npy_u8, npy_u32};
 pub use preview::{
     boxes_preview, depth_preview, flow_preview, instance_preview, light_preview, semantic_preview,
 };

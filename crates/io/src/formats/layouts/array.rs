@@ -3,7 +3,7 @@
 
 use std::io::Read;
 
-use super::ArrayHeader;
+use super::npy::ArrayHeader;
 use spikelane::error::{Error, Result, bail, error};
 use spikelane::spikes::{Geometry, set_bit};
 use spikelane::unstable::inputs;

@@ -1,7 +1,8 @@
 //! The content of an array that contains a stream: packed bits or pixels, their geometry and the readout axis.
 
+use super::array::{ReadoutAxis, is_mapped};
 use super::layout::Layout;
-use super::{ArrayHeader, ReadoutAxis, geometry_error, is_mapped};
+use super::npy::{ArrayHeader, geometry_error};
 use spikelane::error::{Error, Result, Setting, bail, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::npy;

@@ -1,6 +1,7 @@
 //! Translation between packed frames in memory and the frames of a layout.
 
 use super::layout::Layout;
+use super::{dat, npy, rows416, rows1024};
 use spikelane::error::{Error, Result, Setting, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
@@ -69,11 +70,11 @@ impl Codec {
         let frames = packed.chunks_exact(size);
         for (packed, file) in frames.zip(file.chunks_exact_mut(self.frame_bytes)) {
             match self.layout {
-                Layout::Dat | Layout::DatMsb => super::flip(self.geometry, packed, file),
-                Layout::DatTop | Layout::DatTopMsb => super::copy(self.geometry, packed, file),
-                Layout::Rows416 => super::encode_rows416(packed, file),
-                Layout::Rows1024 => super::encode_rows1024(packed, file),
-                Layout::NpyBits | Layout::NpyBitsMsb => super::encode_bits(self.geometry, packed, file),
+                Layout::Dat | Layout::DatMsb => dat::flip(self.geometry, packed, file),
+                Layout::DatTop | Layout::DatTopMsb => dat::copy(self.geometry, packed, file),
+                Layout::Rows416 => rows416::encode(packed, file),
+                Layout::Rows1024 => rows1024::encode(packed, file),
+                Layout::NpyBits | Layout::NpyBitsMsb => npy::encode_bits(self.geometry, packed, file),
                 Layout::NpyBytes => unpack_frame(packed, file),
             }
             if self.layout.is_msb() {
@@ -101,15 +102,15 @@ impl Codec {
         for (i, (file, packed)) in frames.zip(packed.chunks_exact_mut(size)).enumerate() {
             turned.iter_mut().zip(file).for_each(|(to, b)| *to = b.reverse_bits());
             match self.layout {
-                Layout::Dat => super::flip(self.geometry, file, packed),
-                Layout::DatTop => super::copy(self.geometry, file, packed),
-                Layout::DatMsb => super::flip(self.geometry, &turned, packed),
-                Layout::DatTopMsb => super::copy(self.geometry, &turned, packed),
-                Layout::Rows416 => super::decode_rows416(file, packed),
-                Layout::Rows1024 if super::is_framed(file) => super::decode_rows1024(file, packed),
+                Layout::Dat => dat::flip(self.geometry, file, packed),
+                Layout::DatTop => dat::copy(self.geometry, file, packed),
+                Layout::DatMsb => dat::flip(self.geometry, &turned, packed),
+                Layout::DatTopMsb => dat::copy(self.geometry, &turned, packed),
+                Layout::Rows416 => rows416::decode(file, packed),
+                Layout::Rows1024 if rows1024::is_framed(file) => rows1024::decode(file, packed),
                 Layout::Rows1024 => return Err(missing_frame_error(i)),
-                Layout::NpyBits => super::decode_bits(self.geometry, file, packed),
-                Layout::NpyBitsMsb => super::decode_bits(self.geometry, &turned, packed),
+                Layout::NpyBits => npy::decode_bits(self.geometry, file, packed),
+                Layout::NpyBitsMsb => npy::decode_bits(self.geometry, &turned, packed),
                 Layout::NpyBytes => {
                     pack_frame(file, packed).map_err(|p| self.not_binary_error(i, p, file[p]))?;
                 }

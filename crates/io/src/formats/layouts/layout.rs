@@ -1,5 +1,6 @@
 //! Layouts of streams in files: names, frame sizes and headers.
 
+use super::{npy, rows416, rows1024};
 use spikelane::error::{Result, bail, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::named_variants;
@@ -161,8 +162,8 @@ impl Layout {
         self.data_bytes(geometry, readouts)?;
         let (w, h) = (geometry.width() as u64, geometry.height() as u64);
         Ok(match self {
-            Self::NpyBits | Self::NpyBitsMsb => super::header(&[readouts, h, w.div_ceil(8)]),
-            Self::NpyBytes => super::header(&[readouts, h, w]),
+            Self::NpyBits | Self::NpyBitsMsb => npy::header(&[readouts, h, w.div_ceil(8)]),
+            Self::NpyBytes => npy::header(&[readouts, h, w]),
             _ => Vec::new(),
         })
     }
@@ -178,9 +179,9 @@ impl Layout {
         }
         Ok(match self {
             Self::Dat | Self::DatTop | Self::DatMsb | Self::DatTopMsb => geometry.frame_bytes(),
-            Self::Rows416 => super::ROWS416_FRAME_BYTES,
-            Self::Rows1024 => super::ROWS1024_FRAME_BYTES,
-            Self::NpyBits | Self::NpyBitsMsb => super::bits_frame_bytes(geometry),
+            Self::Rows416 => rows416::FRAME_BYTES,
+            Self::Rows1024 => rows1024::FRAME_BYTES,
+            Self::NpyBits | Self::NpyBitsMsb => npy::bits_frame_bytes(geometry),
             Self::NpyBytes => geometry.pixels(),
         })
     }

@@ -12,17 +12,14 @@
 
 use std::io::{Read, Seek};
 
-use super::array::incomplete_array_error;
-use super::{ArrayHeader, PackedStream, ReadoutAxis, array_header, pack};
+use super::array::{PackedStream, ReadoutAxis, incomplete_array_error, pack};
+use super::npy::{ArrayHeader, array_header, axis_order_error, geometry_error};
 use crate::Archive;
 use crate::formats::source::ByteSource;
 use spikelane::error::{Error, Result, Setting, bail, error};
 use spikelane::spikes::{Geometry, set_bit};
-use spikelane::unstable::Count;
-use spikelane::unstable::inputs;
 use spikelane::unstable::npy::{Element, Header};
-
-pub(crate) use crate::ARCHIVE_MAGIC as MAGIC;
+use spikelane::unstable::{Count, inputs};
 
 /// The largest compression ratio of deflate. A header is invalid if it declares more data than this ratio times the
 /// length of the archive.
@@ -63,7 +60,7 @@ pub(crate) fn read(
         None => pack(&subject, &array, find_readout_axis(&subject, &array, &key, wanted)?, &mut file)?,
     };
     if let Some(other) = wanted.geometry.filter(|&g| g != packing.geometry) {
-        return Err(super::npy::geometry_error(&subject, packing.geometry, other));
+        return Err(geometry_error(&subject, packing.geometry, other));
     }
     Ok((packing, key))
 }
@@ -101,7 +98,7 @@ fn find_readout_axis(
     match wanted.geometry {
         Some(geometry) => match ReadoutAxis::candidates(array.shape, geometry)[..] {
             [one] => Ok(one),
-            [] => Err(super::npy::axis_order_error(subject, array.shape, geometry)),
+            [] => Err(axis_order_error(subject, array.shape, geometry)),
             _ if key == "spk" => Ok(ReadoutAxis::First),
             _ => Err(ambiguous_axes_error(
                 subject,

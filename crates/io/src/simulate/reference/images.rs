@@ -7,10 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Result, bail, error};
 use spikelane::spikes::Geometry;
-use spikelane::unstable::Count;
 use spikelane::unstable::light::srgb_byte;
-use spikelane::unstable::named_variants;
 use spikelane::unstable::npy::{self, Element};
+use spikelane::unstable::{Count, named_variants};
 
 /// The file format of reference images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
