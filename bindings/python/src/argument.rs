@@ -8,35 +8,11 @@ use std::time::Duration;
 use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyString};
-use spikelane::presets;
-use spikelane::unstable::error::nearest;
 
-use crate::camera::Camera;
-use crate::distribution::CameraDistribution;
-use crate::error::{type_error, usage_error};
-
-/// Maximum number of characters of a value in an error.
-const MAX_VALUE_CHARS: usize = 60;
+use crate::error::{describe, suggestion, type_error, usage_error};
 
 /// Maximum count. It fits all integer types of the interface.
 const MAX_COUNT: u64 = i64::MAX as u64;
-
-/// Returns a value as Python prints it, with its type. A long value is omitted.
-pub fn describe(value: &Bound<'_, PyAny>) -> String {
-    if value.is_none() {
-        return "None".to_owned();
-    }
-    let kind = value.get_type().name().map_or_else(|_| "object".to_owned(), |name| name.to_string());
-    let article =
-        if kind.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O', 'U']) { "an" } else { "a" };
-    let text = value.repr().map(|text| text.to_string()).unwrap_or_default();
-    let is_short = text.chars().nth(MAX_VALUE_CHARS).is_none() && !text.contains('\n');
-    if is_short && !text.starts_with('<') {
-        format!("{text} ({article} {kind})")
-    } else {
-        format!("{article} {kind}")
-    }
-}
 
 /// Returns an integer from `low` to `high`.
 fn as_integer<T: TryFrom<u64>>(
@@ -95,14 +71,6 @@ fn as_flag(value: &Bound<'_, PyAny>, name: &str, remedy: &str) -> PyResult<bool>
     value.extract().map_err(|_| type_error(name, describe(value), "True or False", remedy))
 }
 
-/// Returns the element of `names` that a user probably meant, as text for a remedy.
-pub fn suggestion(word: &str, names: &[&str]) -> String {
-    match nearest(word, names.iter().copied()) {
-        Some(name) => format!("did you mean {name:?}?"),
-        None => "pass one of them".to_owned(),
-    }
-}
-
 fn as_interpolation<'a>(value: &'a Bound<'_, PyAny>, name: &str, remedy: &str) -> PyResult<&'a str> {
     const NAMES: [&str; 3] = ["linear", "hold", "flow"];
     let text = as_text(value, name, remedy)?;
@@ -115,21 +83,6 @@ fn as_interpolation<'a>(value: &'a Bound<'_, PyAny>, name: &str, remedy: &str) -
             suggestion(text, &NAMES),
         )),
     }
-}
-
-/// The error for a str names the preset that is most similar.
-fn as_camera(value: &Bound<'_, PyAny>, name: &str, remedy: &str) -> PyResult<Camera> {
-    if let Ok(camera) = value.cast::<Camera>() {
-        return Ok(camera.get().clone());
-    }
-    let text = value.cast::<PyString>().ok().and_then(|text| text.to_str().ok()).unwrap_or_default();
-    let remedy = match nearest(text, presets::ALL.iter().map(|preset| preset.name)) {
-        _ if value.is_instance_of::<CameraDistribution>() => "draw a camera: cameras.draw(seed)".to_owned(),
-        _ if text.ends_with(".toml") => format!("pass spikelane.Camera.load({text:?})"),
-        Some(preset) => format!("pass spikelane.Camera.preset({preset:?})"),
-        None => remedy.to_owned(),
-    };
-    Err(type_error(name, describe(value), "a Camera", remedy))
 }
 
 /// Rejects the keyword arguments that the callable `path` of this module does not have. The error names the argument that
@@ -185,7 +138,6 @@ macro_rules! arguments {
 }
 
 arguments! {
-    camera: Camera = as_camera("pass spikelane.Camera.preset(\"physical\"); spikelane.presets() lists the names");
     seed: u64 = as_integer[(0, u64::MAX)]("pass a number such as 1");
     sequence: u64 = as_integer[(0, u64::MAX)]("pass a number such as 1");
     camera_seed: u64 = as_integer[(0, u64::MAX)]("pass a number such as 1");

@@ -13,8 +13,7 @@ use spikelane_io::light::full_scale::{check_float_light, check_full_scale, narro
 use spikelane_io::simulate::FrameRef;
 use spikelane_io::simulate::Samples;
 
-use crate::argument::describe;
-use crate::error::{OrRaise as _, type_error, usage_error, warn};
+use crate::error::{OrRaise as _, describe, type_error, usage_error, warn};
 
 /// Frames of light that no other code changes while Rust reads the samples.
 ///

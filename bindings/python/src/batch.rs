@@ -19,13 +19,14 @@ use spikelane_io::light::{
 use spikelane_io::simulate::FrameRef;
 use spikelane_io::simulate::Samples;
 
-use crate::argument::{self, describe};
+use crate::argument;
 use crate::arrays::{
     CopyPolicy, FRAMES, LIGHT_TYPES, LightArray, LightScale, array_from_vec, check_buffer, check_gray,
     geometry, shape_error, shape_text, to_numpy, zeros,
 };
 use crate::camera::Camera;
-use crate::error::{OrRaise as _, type_error, usage_error, warn_with};
+use crate::distribution::camera_argument;
+use crate::error::{OrRaise as _, describe, type_error, usage_error, warn_with};
 use crate::mosaic::filter_light;
 use crate::simulator::{readout_count, timeline};
 use crate::watch::WorkMonitor;
@@ -354,10 +355,10 @@ fn clip_light<'py>(
 fn one_or_each_camera(cameras: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Camera>> {
     match cameras.try_iter() {
         Ok(all) if !cameras.is_instance_of::<PyString>() => {
-            let all = all.map(|one| argument::camera(&one?)).collect::<PyResult<Vec<_>>>()?;
+            let all = all.map(|one| camera_argument(&one?)).collect::<PyResult<Vec<_>>>()?;
             check_count(all, count, "camera")
         }
-        _ => Ok(vec![argument::camera(cameras)?; count]),
+        _ => Ok(vec![camera_argument(cameras)?; count]),
     }
 }
 

@@ -1,15 +1,16 @@
-//! Random cameras.
+//! Random cameras, and arguments that are cameras.
 
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyType};
+use pyo3::types::{PyDict, PyString, PyType};
 use spikelane::presets;
 use spikelane::unstable::Count;
+use spikelane::unstable::error::nearest;
 
 use crate::argument;
 use crate::camera::Camera;
-use crate::error::OrRaise as _;
+use crate::error::{OrRaise as _, describe, type_error};
 
 /// A distribution of cameras. Each range specifies one number of the camera, which is drawn independently of the other
 /// numbers. Immutable and picklable.
@@ -89,5 +90,40 @@ impl CameraDistribution {
         };
         let lines: Vec<String> = self.0.ranges().iter().map(line).collect();
         format!("CameraDistribution\n{}", lines.join("\n"))
+    }
+}
+
+/// Returns the argument `camera`.
+///
+/// # Errors
+/// SpikelaneTypeError if the value is not a Camera. For a preset, a path or a distribution, the remedy creates a camera.
+pub fn camera_argument(value: &Bound<'_, PyAny>) -> PyResult<Camera> {
+    if let Ok(camera) = value.cast::<Camera>() {
+        return Ok(camera.get().clone());
+    }
+    let text = value.cast::<PyString>().ok().and_then(|text| text.to_str().ok()).unwrap_or_default();
+    let remedy = match nearest(text, presets::ALL.iter().map(|preset| preset.name)) {
+        _ if value.is_instance_of::<CameraDistribution>() => "draw a camera: cameras.draw(seed)".to_owned(),
+        _ if text.ends_with(".toml") => format!("pass spikelane.Camera.load({text:?})"),
+        Some(preset) => format!("pass spikelane.Camera.preset({preset:?})"),
+        None => "pass spikelane.Camera.preset(\"physical\"); spikelane.presets() lists the names".to_owned(),
+    };
+    Err(type_error("camera", describe(value), "a Camera", remedy))
+}
+
+/// Returns the argument `camera`, or None.
+///
+/// # Errors
+/// As [`camera_argument`].
+pub fn optional_camera_argument(value: &Bound<'_, PyAny>) -> PyResult<Option<Camera>> {
+    if value.is_none() { Ok(None) } else { camera_argument(value).map(Some) }
+}
+
+/// Raises SpikelaneTypeError if `camera` is neither a camera nor a distribution of cameras.
+#[pyfunction]
+pub fn check_camera(camera: &Bound<'_, PyAny>) -> PyResult<()> {
+    match camera.is_instance_of::<CameraDistribution>() {
+        true => Ok(()),
+        false => camera_argument(camera).map(drop),
     }
 }

@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use spikelane::error::printable;
+use spikelane::unstable::error::nearest;
 use spikelane::{Error, ErrorKind};
 
 /// The Python function of the package that creates an exception of the matching class.
@@ -96,5 +97,33 @@ pub trait OrRaise<T> {
 impl<T> OrRaise<T> for spikelane::Result<T> {
     fn or_raise(self) -> PyResult<T> {
         self.map_err(|error| to_exception(&error))
+    }
+}
+
+/// Maximum number of characters of a value in an error.
+const MAX_VALUE_CHARS: usize = 60;
+
+/// Returns a value as Python prints it, with its type. A long value is omitted.
+pub fn describe(value: &Bound<'_, PyAny>) -> String {
+    if value.is_none() {
+        return "None".to_owned();
+    }
+    let kind = value.get_type().name().map_or_else(|_| "object".to_owned(), |name| name.to_string());
+    let article =
+        if kind.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O', 'U']) { "an" } else { "a" };
+    let text = value.repr().map(|text| text.to_string()).unwrap_or_default();
+    let is_short = text.chars().nth(MAX_VALUE_CHARS).is_none() && !text.contains('\n');
+    if is_short && !text.starts_with('<') {
+        format!("{text} ({article} {kind})")
+    } else {
+        format!("{article} {kind}")
+    }
+}
+
+/// Returns the element of `names` that a user probably meant, as text for a remedy.
+pub fn suggestion(word: &str, names: &[&str]) -> String {
+    match nearest(word, names.iter().copied()) {
+        Some(name) => format!("did you mean {name:?}?"),
+        None => "pass one of them".to_owned(),
     }
 }

@@ -35,7 +35,7 @@ mod _native {
     #[pymodule_export]
     use super::dataset::{DatasetReader, SequenceFiles};
     #[pymodule_export]
-    use super::distribution::CameraDistribution;
+    use super::distribution::{CameraDistribution, check_camera};
     #[pymodule_export]
     use super::report::{calibrate, diagnose, measure};
     #[pymodule_export]

@@ -19,6 +19,7 @@ use spikelane_measure::{MeasuredRecording, high_pass};
 use crate::argument;
 use crate::arrays::shape_text;
 use crate::camera::Camera;
+use crate::distribution::optional_camera_argument;
 use crate::error::usage_error;
 use crate::spike_frames::SpikeFrames;
 use crate::stream::Stream;
@@ -124,7 +125,7 @@ pub fn calibrate(
 pub fn diagnose(
     py: Python<'_>,
     #[pyo3(from_py_with = argument::recordings)] recordings: PathBuf,
-    #[pyo3(from_py_with = argument::optional::camera)] camera: Option<Camera>,
+    #[pyo3(from_py_with = optional_camera_argument)] camera: Option<Camera>,
     #[pyo3(from_py_with = argument::optional::holdout)] holdout: Option<PathBuf>,
     #[pyo3(from_py_with = argument::seed)] seed: u64,
     #[pyo3(from_py_with = argument::all_readouts)] all_readouts: bool,

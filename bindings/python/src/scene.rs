@@ -6,9 +6,9 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use spikelane::unstable::Count;
 use spikelane_scene::{Exposure, Labels, Lens, Lighting, SamplesPerPixel, SceneOptions, Semantic};
 
-use crate::argument::{self, describe, suggestion};
+use crate::argument;
 use crate::arrays::array_from_vec;
-use crate::error::{OrRaise as _, usage_error};
+use crate::error::{OrRaise as _, describe, suggestion, usage_error};
 use crate::watch::{WorkMonitor, run_interruptible};
 
 type Array<'py, T> = Bound<'py, PyArrayDyn<T>>;

@@ -12,6 +12,7 @@ use spikelane_io::light::{Interpolation, Timeline};
 use crate::argument;
 use crate::arrays::{CopyPolicy, LightArray, LightScale, check_buffer, check_frame_buffer, zeros};
 use crate::camera::Camera;
+use crate::distribution::camera_argument;
 use crate::error::{OrRaise as _, usage_error, warn_with};
 use crate::mosaic;
 use crate::spike_frames::SpikeFrames;
@@ -54,7 +55,7 @@ impl Simulator {
     #[pyo3(signature = (camera, *, seed=0, sequence=0, camera_seed=0, threads=1, backend=None, max_light=1.0, **unknown), text_signature = "(camera, *, seed=0, sequence=0, camera_seed=0, threads=1, backend=None, max_light=1.0)")]
     fn new(
         py: Python<'_>,
-        #[pyo3(from_py_with = argument::camera)] camera: Camera,
+        #[pyo3(from_py_with = camera_argument)] camera: Camera,
         #[pyo3(from_py_with = argument::seed)] seed: u64,
         #[pyo3(from_py_with = argument::sequence)] sequence: u64,
         #[pyo3(from_py_with = argument::camera_seed)] camera_seed: u64,

@@ -8,9 +8,9 @@ use spikelane::Geometry;
 use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::Count;
 
-use crate::argument::{self, describe};
-use crate::arrays::{array_from_vec, borrow_bytes, geometry, shape_text, zeros};
-use crate::error::{OrRaise as _, type_error, usage_error};
+use crate::argument;
+use crate::arrays::{array_from_vec, borrow_bytes, copy_contiguous, geometry, shape_text, zeros};
+use crate::error::{OrRaise as _, describe, type_error, usage_error};
 
 /// A stream of packed frames, for example the result of `Simulator.run`.
 ///
@@ -129,7 +129,7 @@ impl SpikeFrames {
         let packed = zeros(py, &[readouts, geometry.frame_bytes()])?;
         let mut target = packed.try_readwrite()?;
         // The interpreter's lock stays held, because a copy would take as long as the packing.
-        crate::spikes::pack_into(geometry, dense.as_slice()?, target.as_slice_mut()?)?;
+        pack_into(geometry, dense.as_slice()?, target.as_slice_mut()?)?;
         drop(target);
         Ok(Self::new(packed, geometry))
     }
@@ -203,7 +203,7 @@ impl SpikeFrames {
     fn to_dense<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let (readouts, height, width) = self.shape(py)?;
         let dense = zeros(py, &[readouts, height, width])?;
-        crate::spikes::unpack_into(py, &self.borrow(py)?, self.geometry, &dense)?;
+        unpack_into(py, &self.borrow(py)?, self.geometry, &dense)?;
         Ok(dense)
     }
 
@@ -282,4 +282,25 @@ impl SpikeFrames {
         let (readouts, height, width) = self.shape(py)?;
         Ok(format!("<spikelane.SpikeFrames, {} of {height} x {width} pixels>", Count(readouts, "readout")))
     }
+}
+
+/// Unpacks a copy of `packed` to `out` without the interpreter's lock.
+pub fn unpack_into(
+    py: Python<'_>,
+    packed: &PyReadonlyArrayDyn<'_, u8>,
+    geometry: Geometry,
+    out: &Bound<'_, PyArrayDyn<u8>>,
+) -> PyResult<()> {
+    let mut target = out
+        .try_readwrite()
+        .map_err(|e| usage_error("out", e, "another array than the packed spikes", "omit out"))?;
+    let packed = copy_contiguous(packed)?;
+    let (from, to) = (packed.as_slice()?, target.as_slice_mut()?);
+    py.detach(|| spikelane::spikes::unpack(geometry, from, to)).or_raise()
+}
+
+/// Packs bytes of 0 and 1.
+pub fn pack_into(geometry: Geometry, dense: &[u8], packed: &mut [u8]) -> PyResult<()> {
+    let remedy = "pass (array > 0).astype(numpy.uint8) for a mask; packed spikes are packed already";
+    spikelane::spikes::pack(geometry, dense, packed).map_err(|error| error.remedy(remedy)).or_raise()
 }

@@ -1,17 +1,15 @@
 //! Packed spikes in memory: unpacking, packing and reconstruction.
 
-use numpy::{PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
+use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use spikelane::reconstruct;
 use spikelane::spikes::SpikeFramesRef;
-use spikelane::{Geometry, reconstruct};
 
 use crate::argument;
-use crate::arrays::{
-    array_from_vec, borrow_bytes, check_buffer, copy_contiguous, geometry, shape_text, zeros,
-};
+use crate::arrays::{array_from_vec, borrow_bytes, check_buffer, geometry, shape_text, zeros};
 use crate::error::{OrRaise as _, usage_error};
-use crate::spike_frames::SpikeFrames;
+use crate::spike_frames::{SpikeFrames, pack_into, unpack_into};
 
 /// Unpacks SpikeFrames, or bit-packed uint8 of shape (..., T, ceil(H * W / 8)) together with `height` and `width`.
 /// Returns one byte, 0 or 1, per pixel: uint8 of shape (..., T, H, W).
@@ -43,21 +41,6 @@ pub fn unpack<'py>(
     Ok(out)
 }
 
-/// Unpacks a copy of `packed` to `out` without the interpreter's lock.
-pub fn unpack_into(
-    py: Python<'_>,
-    packed: &PyReadonlyArrayDyn<'_, u8>,
-    geometry: Geometry,
-    out: &Bound<'_, PyArrayDyn<u8>>,
-) -> PyResult<()> {
-    let mut target = out
-        .try_readwrite()
-        .map_err(|e| usage_error("out", e, "another array than the packed spikes", "omit out"))?;
-    let packed = copy_contiguous(packed)?;
-    let (from, to) = (packed.as_slice()?, target.as_slice_mut()?);
-    py.detach(|| spikelane::spikes::unpack(geometry, from, to)).or_raise()
-}
-
 /// Packs bytes of 0 and 1, uint8 of shape (..., H, W). Returns bit-packed uint8 of shape (..., ceil(H * W / 8)).
 ///
 /// Raises SpikelaneError if a byte is neither 0 nor 1. The message contains the position of this byte. Raises
@@ -86,12 +69,6 @@ pub fn pack<'py>(py: Python<'py>, dense: &Bound<'py, PyAny>) -> PyResult<Bound<'
     pack_into(geometry, from, to)?;
     drop(target);
     Ok(out)
-}
-
-/// Packs bytes of 0 and 1.
-pub fn pack_into(geometry: Geometry, dense: &[u8], packed: &mut [u8]) -> PyResult<()> {
-    let remedy = "pass (array > 0).astype(numpy.uint8) for a mask; packed spikes are packed already";
-    spikelane::spikes::pack(geometry, dense, packed).map_err(|error| error.remedy(remedy)).or_raise()
 }
 
 fn reconstruct_rates<'py>(

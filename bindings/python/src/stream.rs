@@ -11,9 +11,9 @@ use spikelane::{Geometry, spikes};
 use spikelane_io::formats::{Layout, OutputSet, StreamReader, StreamWriter};
 use spikelane_io::simulate::{Sidecar, StreamFacts};
 
-use crate::argument::{self, describe};
+use crate::argument;
 use crate::arrays::{borrow_bytes, geometry, shape_text, zeros};
-use crate::error::{OrRaise as _, type_error, usage_error};
+use crate::error::{OrRaise as _, describe, type_error, usage_error};
 use crate::spike_frames::SpikeFrames;
 use crate::watch::WorkMonitor;
 

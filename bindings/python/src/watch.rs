@@ -7,8 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBool;
 use spikelane::{Error, ErrorKind};
 
-use crate::argument::describe;
-use crate::error::type_error;
+use crate::error::{describe, type_error};
 
 /// Interval between two checks for signals, and between two progress reports.
 const CHECK_INTERVAL: Duration = Duration::from_millis(50);

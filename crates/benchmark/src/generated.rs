@@ -137,7 +137,7 @@ pub struct GenerateProgress<'a> {
 }
 
 /// The result of a generation.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct GenerateReport {
     /// Number of sequences that were generated.
@@ -210,8 +210,9 @@ pub fn generate(
                 dataset,
             })
         })?;
-        if let Some((id, reason)) = made.failures.first() {
-            return Err(Error::new(ErrorKind::Input, format_args!("{name}/{id}")).found(reason));
+        if let Some(failure) = made.failures.first() {
+            let subject = format_args!("{name}/{}", failure.input).to_string();
+            return Err(Error::new(ErrorKind::Input, subject).found(&failure.reason));
         }
         report.generated += made.generated;
         report.verified += made.verified_sequences;

@@ -5,7 +5,7 @@ use clap::{Parser, Subcommand};
 use super::benchmark;
 use super::check;
 use super::generate::{dataset, live, scene, simulate};
-use super::meta::{completions, effects, man, preset};
+use super::meta::{effects, generated, preset};
 use super::sensors::{calibrate, compare, diagnose, measure, record};
 use super::speed;
 use super::streams::{convert, evaluate, inspect, partials, reconstruct, verify, view};
@@ -63,6 +63,6 @@ pub(super) enum Command {
     Dataset(Box<dataset::Args>),
     Benchmark(Box<benchmark::Args>),
     Speed(speed::SpeedArgs),
-    Completions(completions::Args),
-    Man(man::Args),
+    Completions(generated::CompletionsArgs),
+    Man(generated::ManArgs),
 }

@@ -17,10 +17,9 @@ use spikelane::Result;
 use spikelane::unstable::kernels::Backend;
 
 use command::Command;
-use common::console::{self, Console};
-use common::progress::{self, run_interruptible};
+use common::{Console, console, progress, run_interruptible};
 use generate::{dataset, first_run, live, scene, simulate};
-use meta::{completions, effects, help, man, preset};
+use meta::{effects, generated, help, preset};
 use sensors::{calibrate, compare, diagnose, measure, record};
 use streams::{convert, evaluate, inspect, partials, reconstruct, verify, view};
 
@@ -53,59 +52,47 @@ pub fn main(args: impl IntoIterator<Item = impl Into<OsString>>) -> u8 {
     }
 }
 
-/// Remedies in the errors of interrupted commands. They describe the remaining files.
-const NOTHING_WRITTEN_MESSAGE: &str = "nothing was written";
-const UNFINISHED_REMOVED_MESSAGE: &str = "unfinished files are removed";
+/// Runs a command that can be interrupted and then has written nothing.
+fn nothing_written(command: impl FnOnce() -> Result<()>) -> Result<()> {
+    run_interruptible("nothing was written", command)
+}
+
+/// Runs a command that can be interrupted and then has removed its unfinished files.
+fn unfinished_removed(command: impl FnOnce() -> Result<()>) -> Result<()> {
+    run_interruptible("unfinished files are removed", command)
+}
 
 fn dispatch(command: Option<Command>, out: &Console) -> Result<()> {
     match command {
         None => first_run::run(out),
-        Some(Command::Simulate(args)) => {
-            run_interruptible(UNFINISHED_REMOVED_MESSAGE, || simulate::run(&args, out))
-        }
+        Some(Command::Simulate(args)) => unfinished_removed(|| simulate::run(&args, out)),
         Some(Command::Live(args)) => live::run(&args, out),
-        Some(Command::Inspect(args)) => {
-            run_interruptible(NOTHING_WRITTEN_MESSAGE, || inspect::run(&args, out))
-        }
-        Some(Command::Convert(args)) => {
-            run_interruptible(UNFINISHED_REMOVED_MESSAGE, || convert::run(&args, out))
-        }
+        Some(Command::Inspect(args)) => nothing_written(|| inspect::run(&args, out)),
+        Some(Command::Convert(args)) => unfinished_removed(|| convert::run(&args, out)),
         Some(Command::Verify(args)) => verify::run(&args, out),
         Some(Command::Partials(args)) => partials::run(&args, out),
-        Some(Command::Reconstruct(args)) => {
-            run_interruptible(UNFINISHED_REMOVED_MESSAGE, || reconstruct::run(&args, out))
-        }
-        Some(Command::Evaluate(args)) => {
-            run_interruptible(NOTHING_WRITTEN_MESSAGE, || evaluate::run(&args, out))
-        }
+        Some(Command::Reconstruct(args)) => unfinished_removed(|| reconstruct::run(&args, out)),
+        Some(Command::Evaluate(args)) => nothing_written(|| evaluate::run(&args, out)),
         Some(Command::View(args)) => view::run(&args, out),
-        Some(Command::Preset(args)) => run_interruptible(NOTHING_WRITTEN_MESSAGE, || preset::run(&args, out)),
+        Some(Command::Preset(args)) => nothing_written(|| preset::run(&args, out)),
         Some(Command::Effects(args)) => effects::run(&args, out),
-        Some(Command::Measure(args)) => {
-            run_interruptible(NOTHING_WRITTEN_MESSAGE, || measure::run(&args, out))
-        }
-        Some(Command::Calibrate(args)) => {
-            run_interruptible(NOTHING_WRITTEN_MESSAGE, || calibrate::run(&args, out))
-        }
-        Some(Command::Compare(args)) => {
-            run_interruptible(NOTHING_WRITTEN_MESSAGE, || compare::run(&args, out))
-        }
+        Some(Command::Measure(args)) => nothing_written(|| measure::run(&args, out)),
+        Some(Command::Calibrate(args)) => nothing_written(|| calibrate::run(&args, out)),
+        Some(Command::Compare(args)) => nothing_written(|| compare::run(&args, out)),
         Some(Command::Diagnose(args)) => {
             run_interruptible(args.interrupt_message(), || diagnose::run(&args, out))
         }
         Some(Command::Record(args)) => {
             run_interruptible(args.interrupt_message(), || record::run(&args, out))
         }
-        Some(Command::Check(args)) => run_interruptible(NOTHING_WRITTEN_MESSAGE, || check::run(&args, out)),
-        Some(Command::Scene(args)) => {
-            run_interruptible(UNFINISHED_REMOVED_MESSAGE, || scene::run(&args, out))
-        }
+        Some(Command::Check(args)) => nothing_written(|| check::run(&args, out)),
+        Some(Command::Scene(args)) => unfinished_removed(|| scene::run(&args, out)),
         Some(Command::Dataset(args)) => dataset::run(&args, out),
         Some(Command::Benchmark(args)) => benchmark::run(&args, out),
         Some(Command::Speed(args)) => speed::run(&args, out.json()),
-        Some(Command::Completions(args)) => completions::run(&args, help::command(), out),
+        Some(Command::Completions(args)) => generated::print_completions(&args, help::command(), out),
         Some(Command::Man(args)) => {
-            run_interruptible(UNFINISHED_REMOVED_MESSAGE, || man::run(&args, help::command(), out))
+            unfinished_removed(|| generated::print_manual(&args, help::command(), out))
         }
     }
 }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use serde::Serialize;
+
 use crate::discover::input_path;
 use crate::entries::{expected_bytes, planned_entries};
 use crate::exporters::{self, Exporters};
@@ -37,7 +39,7 @@ pub struct SequenceProgress<'a> {
 }
 
 /// Estimated cost of a dataset.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct DatasetEstimate {
     /// Number of sequences that are not done.
     pub sequences: usize,
@@ -50,8 +52,25 @@ pub struct DatasetEstimate {
     pub inputs_of_unknown_length: usize,
 }
 
+/// A sequence that failed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SequenceFailure {
+    /// Name of the input, or of the sequence if it has no input.
+    pub input: String,
+    /// Why the sequence failed, in one line.
+    pub reason: String,
+}
+
+impl From<&SequenceEntry> for SequenceFailure {
+    fn from(entry: &SequenceEntry) -> Self {
+        let input = entry.input.clone().filter(|name| !name.is_empty());
+        let reason = entry.reason.clone().unwrap_or_default();
+        Self { input: input.unwrap_or_else(|| entry.id.to_string()), reason }
+    }
+}
+
 /// Result of the generation of a dataset.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct DatasetReport {
     /// Number of sequences that were generated.
     pub generated: usize,
@@ -59,8 +78,8 @@ pub struct DatasetReport {
     pub verified_sequences: usize,
     /// Number of sequences that failed.
     pub failed_sequences: usize,
-    /// Name of each input that failed, and the reason.
-    pub failures: Vec<(String, String)>,
+    /// The inputs that failed.
+    pub failures: Vec<SequenceFailure>,
     /// Number of generated scenes in which a visible point moves by more than half a pixel between consecutive
     /// readouts.
     pub too_fast_scenes: usize,
@@ -68,6 +87,7 @@ pub struct DatasetReport {
     /// readout. The value is 0 if the actual rate is sufficient for all generated scenes.
     pub required_readout_hz: u64,
     /// Notes for the user about the inputs and the light of generated sequences. Each note is one line.
+    #[serde(skip)]
     pub notes: Vec<String>,
     /// Number of files that were copied to the loaders' folders because the file system does not support hard links.
     pub copied_files: u64,
@@ -308,7 +328,7 @@ fn record_outcome(
             entry.digest = None;
             entry.reason = Some(e.to_string());
             report.failed_sequences += 1;
-            report.failures.push((entry.input.clone().unwrap_or_default(), e.to_string()));
+            report.failures.push((&entry).into());
         }
         Err(e) if e.kind() == ErrorKind::Space => {
             return Err(e.remedy(format_args!(

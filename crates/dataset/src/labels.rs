@@ -1,11 +1,13 @@
-//! Writes the labels of one sequence. Each file name contains the readout number.
+//! Writes and reads the labels of one sequence. Each file name contains the readout number.
 
 use std::fs;
 use std::path::Path;
 
+use serde::Deserialize;
 use serde_json::{Value, json};
 
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::inputs::InputFile;
 use spikelane_measure::report::insert_present;
 use spikelane_scene::{
     Flow, KeyframePlan, Labels, PinholeCamera, SamplesPerPixel, Scene, VehicleBox, labels,
@@ -135,4 +137,57 @@ fn vehicle_json(b: &VehicleBox) -> Value {
         "yaw": b.yaw, "rotation_y": b.rotation_y, "speed_mps": b.speed_mps,
     });
     insert_present(label_json, [("visible_box", b.visible_box.map(|v| json!(v)))])
+}
+
+/// Maximum size in bytes of the `labels.json` of a sequence.
+pub(super) const MAX_LABEL_BYTES: u64 = 256 << 20;
+
+/// A labeled readout.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct LabeledFrame {
+    pub(super) readout: u64,
+    pub(super) camera: FrameCamera,
+    pub(super) boxes: Vec<VehicleLabel>,
+}
+
+/// The camera at a labeled readout.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct FrameCamera {
+    pub(super) focal_px: f64,
+    pub(super) center_px: [f64; 2],
+    pub(super) width: u64,
+    pub(super) height: u64,
+    pub(super) speed_mps: f64,
+}
+
+/// A vehicle at a labeled readout.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct VehicleLabel {
+    pub(super) track_id: u64,
+    pub(super) class: String,
+    pub(super) clipped_amodal_box: [f64; 4],
+    pub(super) visible_pixels: u64,
+    pub(super) occlusion: f64,
+    pub(super) truncation: f64,
+    pub(super) center_camera_m: [f64; 3],
+}
+
+impl LabeledFrame {
+    /// Returns the vehicles with at least one visible pixel.
+    pub(super) fn visible_vehicles(&self) -> impl Iterator<Item = &VehicleLabel> {
+        self.boxes.iter().filter(|b| b.visible_pixels > 0)
+    }
+}
+
+#[derive(Deserialize)]
+struct LabelFile {
+    frames: Vec<LabeledFrame>,
+}
+
+/// Reads the labeled readouts from the `labels.json` of a sequence.
+pub(super) fn read_labeled_frames(file: &InputFile) -> Result<Vec<LabeledFrame>> {
+    let text = file.read_all("labels", MAX_LABEL_BYTES)?;
+    let read: LabelFile = serde_json::from_slice(&text)
+        .map_err(|e| Error::new(ErrorKind::Corrupt, file.path().display()).found(e))?;
+    Ok(read.frames)
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::fingerprint::exists;
-use crate::labeled_frames::{self, LabeledFrame};
+use crate::labels::{LabeledFrame, read_labeled_frames};
 use crate::manifest::{self, DatasetDigest, SequenceEntry};
 use crate::pack_schema::{self, SampleDescription};
 use crate::record;
@@ -233,6 +233,6 @@ impl SequenceFiles {
     /// Reads the labeled readouts. If the sequence has no labels, the result is empty.
     pub(super) fn labeled_frames(&self) -> Result<Vec<LabeledFrame>> {
         let file = not_found_as_none(self.open(&"labels/labels.json".into()))?;
-        file.map_or(Ok(Vec::new()), |file| labeled_frames::read(&file))
+        file.map_or(Ok(Vec::new()), |file| read_labeled_frames(&file))
     }
 }

@@ -140,8 +140,7 @@ class ClipSampler:
         camera_count: int | None = None,
         max_light: float = 1.0,
     ) -> None:
-        if not isinstance(camera, _native.CameraDistribution):
-            _native.check_argument("camera", camera)
+        _native.check_camera(camera)
         given = {
             "readouts_per_frame": readouts_per_frame,
             "seed": seed,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,16 +45,6 @@ class Estimate:
     value: float
     error: float
 
-    @classmethod
-    def _from_json(cls, data: Any) -> Estimate:
-        value, error = (_number(data or {}, key) for key in ("value", "error"))
-        return cls(value, error)
-
-
-def _number(data: dict[str, Any], key: str) -> float:
-    found = data.get(key)
-    return float("nan") if found is None else float(found)
-
 
 @dataclass(frozen=True)
 class Statistic:
@@ -72,16 +63,6 @@ class Statistic:
     recording_error: float
     sensor_error: float
     recording_error_is_bound: bool
-
-    @classmethod
-    def _from_json(cls, data: dict[str, Any]) -> Statistic:
-        numbers = {k: _number(data, k) for k in ("value", "upper_limit", "recording_error", "sensor_error")}
-        return cls(
-            key=data["key"],
-            description=data["description"],
-            recording_error_is_bound=data.get("recording_error_is_bound", False),
-            **numbers,
-        )
 
 
 @dataclass(frozen=True)
@@ -310,8 +291,32 @@ class Diagnosis:
     raw: dict[str, Any] = field(repr=False)
 
 
-def _indices(data: Any) -> NDArray[np.int64]:
-    return np.asarray(data, dtype=np.int64)
+def _from_json(kind: Any, data: dict[str, Any] | None, **values: Any) -> Any:
+    """Returns the dataclass ``kind`` with the fields of ``data``, and with ``values`` for the fields that are not in it.
+
+    The types of the fields state the conversion. A missing number is NaN, and a missing list is empty.
+    """
+    data = data or {}
+    hints = get_type_hints(kind)
+    for each in fields(kind):
+        if each.name not in values and (each.name in data or each.default is MISSING):
+            values[each.name] = _convert(hints[each.name], data.get(each.name))
+    return kind(**values)
+
+
+def _convert(hint: Any, value: Any) -> Any:
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is UnionType:
+        return None if value is None else _convert(arguments[0], value)
+    if origin is tuple:
+        return tuple(_convert(arguments[0], item) for item in value or ())
+    if origin is np.ndarray:
+        return np.asarray(value, dtype=get_args(arguments[1])[0])
+    if is_dataclass(hint):
+        return _from_json(hint, value)
+    if hint is float:
+        return float("nan") if value is None else float(value)
+    return bool(value) if hint is bool else value
 
 
 def measure(
@@ -330,20 +335,9 @@ def measure(
     if isinstance(stream, str | os.PathLike):
         stream = _native.open_stream(stream, height=height, width=width)
     data = json.loads(_native.measure(stream, height, width, progress))
-    shape = tuple(data["shape"])
-    defects = data["defects"]
-    return Measurement(
-        readouts=data["readouts"],
-        temporal_rate_sd=_number(data, "temporal_rate_sd"),
-        is_moving=data["scene_motion"]["is_moving"],
-        moving_share=data["scene_motion"]["moving_share"],
-        defects=Defects(**{kind: _indices(defects[kind]) for kind in ("dead", "stuck", "hot", "weak")}),
-        statistics=tuple(Statistic._from_json(statistic) for statistic in data["statistics"]),
-        frame_total_lines=tuple(SpectralLine(**line) for line in data["frame_total_lines"]),
-        rate=np.array(data["rate"], dtype=np.float64).reshape(shape),
-        local_pattern=np.array(data["local_pattern"], dtype=np.float64).reshape(shape),
-        interval_histogram=_indices(data["interval_histogram"]),
-    )
+    maps = {key: np.reshape(data[key], data["shape"]).astype(np.float64) for key in ("rate", "local_pattern")}
+    measurement: Measurement = _from_json(Measurement, {**data, **data["scene_motion"]}, **maps)
+    return measurement
 
 
 def calibrate(
@@ -378,41 +372,17 @@ def calibrate(
     )
     data = json.loads(text)
     population = data["population"]
-    estimate = Estimate._from_json
-    return Calibration(
-        camera=camera,
-        gain=estimate(population["mean_a"]),
-        gain_spread=estimate(population["sd_a"]),
-        dark_rate=estimate(population["mean_d"]),
-        dark_rate_spread=estimate(population["sd_d"]),
-        threshold_spread=estimate(population["sigma_phi"]),
-        threshold_noise=estimate(data["sigma_t"]),
-        electrons_per_threshold=estimate(data["electrons_per_threshold"]),
-        photons_at_full_light=estimate(data["photons_at_full_light"]),
-        redraw_share=estimate(data["redraw_share"]),
-        noise_sampling=data["noise_sampling"],
-        corner_falloff=estimate(data["light_field"]["corner_falloff"]) if "light_field" in data else None,
-        class_gains=tuple(estimate(gain) for gain in data["class_gains"]),
-        lamps=tuple(
-            Lamp(
-                **{
-                    **level,
-                    "deviation": estimate(level["deviation"]),
-                    "light_change": estimate(level.get("light_change")),
-                    "flicker": Flicker(**level["flicker"]) if "flicker" in level else None,
-                }
-            )
-            for level in data["lamps"]
-        ),
-        dead_pixels=_indices(data["dead_pixels"]),
-        hot_pixels=_indices(data["hot_pixels"]),
-        poor_fit_pixels=_indices(data["poor_fit_pixels"]),
-        unfitted_pixels=_indices(data["unfitted_pixels"]),
-        verdict=data["verdict"],
-        cautions=tuple(data["cautions"]),
-        notes=tuple(data["notes"]),
-        raw=data,
-    )
+    renamed = {
+        "gain": population["mean_a"],
+        "gain_spread": population["sd_a"],
+        "dark_rate": population["mean_d"],
+        "dark_rate_spread": population["sd_d"],
+        "threshold_spread": population["sigma_phi"],
+        "threshold_noise": data["sigma_t"],
+        "corner_falloff": data.get("light_field", {}).get("corner_falloff"),
+    }
+    calibration: Calibration = _from_json(Calibration, {**data, **renamed}, camera=camera, raw=data)
+    return calibration
 
 
 def diagnose(
@@ -448,36 +418,5 @@ def diagnose(
         progress,
     )
     data = json.loads(text)
-    discrepancy = data["discrepancy"]
-    return Diagnosis(
-        verdict=data["verdict"],
-        camera=found,
-        effects=tuple(
-            FoundEffect(
-                name=e["name"],
-                parameters=tuple(Parameter(**p) for p in e["parameters"]),
-                ambiguous_with=tuple(e["ambiguous_with"]),
-                is_tentative=e["is_tentative"],
-                evidence=e["evidence"],
-            )
-            for e in data["effects"]
-        ),
-        parameter_mismatches=tuple(
-            ParameterMismatch(**{**m, "ambiguous_with": tuple(m["ambiguous_with"])})
-            for m in data["parameter_mismatches"]
-        ),
-        unexplained=tuple(UnexplainedStatistic(**u) for u in data["unexplained"]),
-        discrepancy=Discrepancy(
-            fitted_set=tuple(discrepancy["fitted_set"]),
-            held_out_set=tuple(discrepancy["held_out_set"]),
-            noise_floor=discrepancy["noise_floor"],
-            noise_floor_sd=discrepancy["noise_floor_sd"],
-        ),
-        limits=tuple(EffectLimit(**limit) for limit in data["limits"]),
-        undecided=tuple(data.get("undecided", ())),
-        recommended_recordings=tuple(data["recommended_recordings"]),
-        undetectable=tuple(data["undetectable"]),
-        notes=tuple(data["notes"]),
-        seconds=data["seconds"],
-        raw=data,
-    )
+    diagnosis: Diagnosis = _from_json(Diagnosis, data, camera=found, raw=data)
+    return diagnosis

@@ -2,7 +2,6 @@
 
 mod markdown;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -17,7 +16,7 @@ use spikelane_measure::report::{
 use crate::aggregate::{Bootstrap, summarize_differences};
 use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
 use crate::run;
-use crate::score::{OVERALL, ScoreFile, ScoreInterval, decode_image, reference_image};
+use crate::score::{OVERALL, ScoreFile, ScoreInterval, SequenceScore, decode_image, reference_image};
 use crate::suite::Task;
 use crate::{Better, Metric};
 
@@ -122,9 +121,11 @@ pub fn report(methods: &[ScoredMethod], data: Option<&GeneratedSuite>, run: &Run
         page.push_table(curve_table(methods, &names, (curve, groups), primary));
     }
     let mut suite = Table::new("Suite", &["property", "value"]);
-    suite.push_row(["suite".to_owned(), first.suite.to_string()]);
-    suite.push_row(["version".to_owned(), first.version.to_string()]);
-    suite.push_row(["digest".to_owned(), first.digest.to_string()]);
+    for (property, value) in
+        [("suite", first.suite.as_str()), ("version", &first.version), ("digest", &first.digest)]
+    {
+        suite.push_row([property.to_owned(), value.to_owned()]);
+    }
     page.push_table(suite);
     let html = page.html(run);
     let methods_json: Vec<Value> = methods
@@ -159,6 +160,15 @@ fn score_cell(score: ScoreInterval) -> Cell {
         Some([low, high]) if high > low => Cell::interval(score.value, low, high),
         _ => Cell::value(score.value, ""),
     }
+}
+
+/// Returns the point of a score with half of its interval as the error.
+fn plot_point(x: f64, score: ScoreInterval) -> PlotPoint {
+    PlotPoint::new(x, score.value, score.interval.map_or(0.0, |[low, high]| (high - low) / 2.0))
+}
+
+fn axis_label(metric: &Metric) -> String {
+    format!("{} ({})", metric.name, metric.unit)
 }
 
 /// Returns how far a score is from the best possible score; smaller is better.
@@ -229,17 +239,12 @@ fn overall_scores(methods: &[ScoredMethod], primary: &Metric) -> Vec<(usize, Sco
 fn score_figure(methods: &[ScoredMethod], names: &[String], primary: &Metric) -> Option<PageElement> {
     let scores = overall_scores(methods, primary);
     let best = best_method(methods, primary)?;
-    let points = scores
-        .iter()
-        .map(|(i, s)| {
-            PlotPoint::new(*i as f64, s.value, s.interval.map_or(0.0, |[low, high]| (high - low) / 2.0))
-        })
-        .collect();
+    let points = scores.iter().map(|(i, s)| plot_point(*i as f64, *s)).collect();
     let ticks = names.iter().enumerate().map(|(i, n)| (i as f64, n.clone())).collect();
-    let vertical = format!("{} ({})", primary.name, primary.unit);
-    let plot = Plot::new(format!("{} has the best {}", names[best], primary.name), "method", vertical)
-        .points("all sequences", points)
-        .named_ticks(ticks);
+    let plot =
+        Plot::new(format!("{} has the best {}", names[best], primary.name), "method", axis_label(primary))
+            .points("all sequences", points)
+            .named_ticks(ticks);
     Some(plot.figure("Bars are half the 95 % bootstrap interval over the sequences."))
 }
 
@@ -254,8 +259,9 @@ fn cost_figure(methods: &[ScoredMethod], names: &[String], primary: &Metric) -> 
         return None;
     }
     let fastest = points.iter().max_by(|a, b| a.1.x.total_cmp(&b.1.x)).map_or("", |p| &names[p.0]);
-    let vertical = format!("{} ({})", primary.name, primary.unit);
-    let plot = Plot::new(format!("{fastest} is the fastest method"), "outputs per second", vertical).log_x();
+    let plot =
+        Plot::new(format!("{fastest} is the fastest method"), "outputs per second", axis_label(primary))
+            .log_x();
     let plot = points.iter().fold(plot, |plot, (i, p)| plot.points(names[*i].clone(), vec![*p]));
     Some(plot.figure("Speed depends on the machine; the table of costs names it."))
 }
@@ -467,8 +473,7 @@ fn curve_figure(
         numbers.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let is_named = groups.iter().any(|(text, ..)| text.parse::<f64>().is_err());
     let is_logarithmic = !is_named && low > 0.0 && high >= 8.0 * low;
-    let vertical = format!("{} ({})", primary.name, primary.unit);
-    let mut plot = Plot::new(format!("{} along {curve}", primary.name), curve, vertical);
+    let mut plot = Plot::new(format!("{} along {curve}", primary.name), curve, axis_label(primary));
     if is_logarithmic {
         plot = plot.log_x();
     }
@@ -477,12 +482,7 @@ fn curve_figure(
     }
     for (method, name) in methods.iter().zip(names) {
         let point = |(_, x, group): &(String, f64, String)| {
-            let score = primary_score(&method.file, group, primary)?;
-            Some(PlotPoint::new(
-                *x,
-                score.value,
-                score.interval.map_or(0.0, |[low, high]| (high - low) / 2.0),
-            ))
+            Some(plot_point(*x, primary_score(&method.file, group, primary)?))
         };
         let mut points: Vec<PlotPoint> = groups.iter().filter_map(point).collect();
         points.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -513,14 +513,11 @@ fn curve_table(
 }
 
 fn fault_list(methods: &[ScoredMethod], names: &[String]) -> Option<PageElement> {
-    let mut items = Vec::new();
-    for (method, name) in methods.iter().zip(names) {
-        for s in &method.file.sequences {
-            if let Some(fault) = &s.fault {
-                items.push(format!("{name}, {}/{}: {fault}", s.group, s.id));
-            }
-        }
-    }
+    let faults = |(method, name): (&ScoredMethod, &String)| {
+        let fault = |s: &SequenceScore| Some(format!("{name}, {}/{}: {}", s.group, s.id, s.fault.as_ref()?));
+        method.file.sequences.iter().filter_map(fault).collect::<Vec<_>>()
+    };
+    let items: Vec<String> = methods.iter().zip(names).flat_map(faults).collect();
     (!items.is_empty()).then_some(PageElement::List { items })
 }
 
@@ -550,9 +547,9 @@ fn worst_figure(
     (group, id, score): &(String, String, f64),
     primary: &Metric,
 ) -> Result<Option<PageElement>> {
-    let found: BTreeMap<(&str, &str), (&GeneratedGroup, &GeneratedSequence)> =
-        data.scored().map(|(g, s)| ((g.name.as_str(), s.id.as_str()), (g, s))).collect();
-    let Some((group, sequence)) = found.get(&(group.as_str(), id.as_str())) else { return Ok(None) };
+    let is_same =
+        |(g, s): &(&GeneratedGroup, &GeneratedSequence)| g.name.as_str() == group && s.id.as_str() == id;
+    let Some((group, sequence)) = data.scored().find(is_same) else { return Ok(None) };
     match data.suite.task {
         task @ (Task::Reconstruction | Task::Color) => {
             let geometry = Geometry::new(sequence.width, sequence.height)?;
@@ -565,14 +562,9 @@ fn worst_figure(
             };
             let reference = png(&reference_image(data, group, sequence, geometry)?, "reference")?;
             let output = run::read_output(&method.folder, task, &group.name, sequence);
-            let image = match output
-                .ok()
-                .flatten()
-                .map(|(bytes, _)| decode_image(&bytes, geometry, task == Task::Color))
-            {
-                Some(Ok(image)) => png(&image, "output")?,
-                _ => String::new(),
-            };
+            let image = output.ok().flatten();
+            let image = image.and_then(|(bytes, _)| decode_image(&bytes, geometry, task == Task::Color).ok());
+            let image = image.map_or(Ok(String::new()), |image| png(&image, "output"))?;
             let note = if image.is_empty() { ", no valid output" } else { "" };
             let title = format!("{name}, {}/{id}: {} {score:.2} {}", group.name, primary.name, primary.unit);
             let caption = format!("Left: reference. Right: output{note}.");

@@ -106,24 +106,8 @@ mod linux {
     const NEWEST: ABI = ABI::V9;
 
     /// Folders that a program needs and that contain no files of users.
-    const SYSTEM_FOLDERS: [&str; 16] = [
-        "/bin",
-        "/boot",
-        "/dev",
-        "/etc",
-        "/lib",
-        "/lib32",
-        "/lib64",
-        "/nix",
-        "/opt",
-        "/proc",
-        "/run/current-system",
-        "/run/opengl-driver",
-        "/sbin",
-        "/snap",
-        "/sys",
-        "/usr",
-    ];
+    const SYSTEM_FOLDERS: &str = "/bin /boot /dev /etc /lib /lib32 /lib64 /nix /opt /proc \
+        /run/current-system /run/opengl-driver /sbin /snap /sys /usr";
 
     /// Returns a set without rules, or `None` if the kernel has no Landlock.
     pub(super) fn empty_ruleset() -> Option<Ruleset> {
@@ -151,7 +135,7 @@ mod linux {
         if readable.is_empty() {
             readable.push("/".into());
         } else {
-            readable.extend(SYSTEM_FOLDERS.iter().filter_map(|path| Path::new(path).canonicalize().ok()));
+            readable.extend(SYSTEM_FOLDERS.split(' ').filter_map(|path| Path::new(path).canonicalize().ok()));
         }
         create(empty, &readable, &writable, folders).map(Some).map_err(|e| {
             Error::new(ErrorKind::Io, "sandbox")

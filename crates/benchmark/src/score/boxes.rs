@@ -8,10 +8,23 @@ use serde::Deserialize;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::read_bytes;
 
-use super::evaluation::{Counts, MAX_REFERENCE_BYTES, Scored};
-use crate::detection::{Detection, DetectionScores, GroundTruth, detection_scores, match_image};
-use crate::tracking::{TrackedBox, TrackingFrame, TrackingScores, count_matches};
+use super::MAX_REFERENCE_BYTES;
+use crate::detection::{
+    Detection, DetectionScores, GroundTruth, ImageMatches, detection_scores, match_image,
+};
+use crate::tracking::{TrackedBox, TrackingCounts, TrackingFrame, TrackingScores, count_matches};
 use crate::{BoundingBox, MetricError};
+
+/// The counts of metrics that are not means over sequences.
+#[derive(Clone, Debug)]
+pub(super) enum Counts {
+    None,
+    Detection(ImageMatches),
+    Tracking(Box<TrackingCounts>),
+}
+
+/// The scores of an output, and its counts.
+pub(super) type Scored = (BTreeMap<String, f64>, Counts);
 
 /// Classes of vehicles. The number of a class is its index.
 const CLASSES: [&str; 4] = ["Car", "Van", "Truck", "Misc"];

@@ -1,14 +1,15 @@
-//! References and outputs with one value for each pixel: flow and depth.
+//! References and outputs with values for each pixel: images, flow and depth.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use spikelane::Geometry;
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::Count;
 use spikelane::unstable::inputs::read_bytes;
-use spikelane::unstable::npy;
+use spikelane::unstable::npy::{self, Element};
 
-use super::evaluation::{MAX_REFERENCE_BYTES, decode_array};
+use super::MAX_REFERENCE_BYTES;
 use crate::MetricError;
 use crate::depth::depth_scores;
 use crate::flow::{FlowField, FlowReference, flow_scores};
@@ -103,4 +104,99 @@ pub(super) fn depth_metrics(output: &[f32], reference: &[f32]) -> Scores {
     ]
     .map(|(name, value)| (name.to_owned(), value))
     .into())
+}
+
+/// Reads an image from the bytes of an `.npy` file, or returns the fault in one line. Values are clipped to 0..1.
+///
+/// The shape is (height, width), or (height, width, 3) for a color image.
+pub(crate) fn decode_image(
+    bytes: &[u8],
+    geometry: Geometry,
+    is_color: bool,
+) -> std::result::Result<Vec<f32>, String> {
+    Ok(clipped(&decode_array(bytes, &image_shape(geometry, is_color))?))
+}
+
+pub(super) fn image_shape(geometry: Geometry, is_color: bool) -> Vec<u64> {
+    let size = [geometry.height() as u64, geometry.width() as u64];
+    size.into_iter().chain(is_color.then_some(3)).collect()
+}
+
+/// Checks the type, the order and the number of the stored elements.
+fn check_storage(header: &npy::Header, bytes: &[u8]) -> std::result::Result<(), String> {
+    let fault = |found: String, expected: &str| {
+        Err(format!("output of the method: found {found}, expected {expected}"))
+    };
+    if !matches!(header.element, Element::F32 | Element::F64) {
+        return fault(
+            format!("elements of type {}", header.element),
+            "f32 or f64, which is f4 or f8 in NumPy",
+        );
+    }
+    if header.is_fortran_order {
+        return fault("an array in Fortran order".into(), "C order; save numpy.ascontiguousarray(array)");
+    }
+    let end = header.data_bytes().map(|n| n + header.data_offset as u64);
+    match (bytes.len() as u64).checked_sub(end.unwrap_or(0)) {
+        Some(excess @ 1..) => {
+            fault(format!("{} after the array", Count(excess, "byte")), "the end of the file")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Reads the finite values of an array of floats. The shape may contain further sides of length 1.
+pub(super) fn decode_array(bytes: &[u8], expected: &[u64]) -> std::result::Result<Vec<f32>, String> {
+    let (header, values) = npy::read_values("output of the method", bytes).map_err(|e| e.to_string())?;
+    check_storage(&header, bytes)?;
+    let sides = |shape: &[u64]| -> Vec<u64> { shape.iter().copied().filter(|side| *side != 1).collect() };
+    if sides(&header.shape) != sides(expected) {
+        return Err(format!(
+            "output of the method: found the shape {:?}, expected {expected:?}",
+            header.shape
+        ));
+    }
+    let values: Vec<f32> = values.into_iter().map(|v| v as f32).collect();
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(index) => Err(MetricError::NonFinite { index }.to_string()),
+        None => Ok(values),
+    }
+}
+
+pub(super) fn clipped(image: &[f32]) -> Vec<f32> {
+    image.iter().map(|v| v.clamp(0.0, 1.0)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faulty_images_have_a_fault_in_one_line() {
+        let geometry = Geometry::new(3, 2).unwrap();
+        let image = |shape: &[u64], values: &[f32]| {
+            npy::to_bytes(Element::F32, shape, values.iter().map(|v| v.to_le_bytes())).unwrap()
+        };
+        let good = image(&[2, 3], &[0.5, 2.0, -1.0, 0.0, 1.0, 0.25]);
+        assert_eq!(decode_image(&good, geometry, false).unwrap(), [0.5, 1.0, 0.0, 0.0, 1.0, 0.25]);
+        assert!(decode_image(&image(&[1, 2, 3], &[0.5; 6]), geometry, false).is_ok());
+        let nan = image(&[2, 3], &[0.5, f32::NAN, 0.0, 0.0, 0.0, 0.0]);
+        let integers = npy::to_bytes(Element::U8, &[2, 3], [[0_u8]; 6].into_iter()).unwrap();
+        let half = npy::to_bytes(Element::F16, &[2, 3], [[0_u8; 2]; 6].into_iter()).unwrap();
+        let text = String::from_utf8_lossy(&good[10..128]).replace("False", "True ");
+        let fortran = [&good[..10], text.as_bytes(), &good[128..]].concat();
+        for (bytes, word) in [
+            (&good[..good.len() - 4], "truncated"),
+            (&nan, "NaN at index 1"),
+            (&image(&[3, 2], &[0.5; 6]), "[3, 2]"),
+            (&integers, "f4 or f8"),
+            (&[&good[..], b"x"].concat(), "1 byte after the array"),
+            (&half, "type f16"),
+            (&fortran, "Fortran order"),
+            (&b"no array"[..], "output of the method"),
+        ] {
+            let fault = decode_image(bytes, geometry, false).unwrap_err();
+            assert!(fault.contains(word) && !fault.contains('\n'), "{fault}");
+        }
+    }
 }

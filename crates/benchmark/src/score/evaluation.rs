@@ -9,20 +9,16 @@ use spikelane::reconstruct::DetailReference;
 use spikelane::sensor::Transfer;
 use spikelane::unstable::Count;
 use spikelane::unstable::inputs::read_bytes;
-use spikelane::unstable::npy::{self, Element};
+use spikelane::unstable::npy;
 
-use super::boxes;
-use super::dense;
+use super::MAX_REFERENCE_BYTES;
+use super::boxes::{self, Counts, Scored};
+use super::dense::{self, clipped, decode_array, decode_image, image_shape};
 use super::output_units::{OtherUnit, other_unit};
-use crate::detection::ImageMatches;
 use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
 use crate::run::Baseline;
 use crate::suite::Task;
-use crate::tracking::TrackingCounts;
 use crate::{Metric, MetricError, image};
-
-/// Maximum size of a reference in bytes.
-pub(super) const MAX_REFERENCE_BYTES: u64 = 1 << 30;
 
 /// The scores of one sequence.
 #[derive(Clone, Debug)]
@@ -37,17 +33,6 @@ pub struct Evaluation {
     /// The unit of an image that is not linear light of 0 to 1.
     pub(super) other_unit: Option<OtherUnit>,
 }
-
-/// The counts of metrics that are not means over sequences.
-#[derive(Clone, Debug)]
-pub(super) enum Counts {
-    None,
-    Detection(ImageMatches),
-    Tracking(Box<TrackingCounts>),
-}
-
-/// The scores of an output, and its counts.
-pub(super) type Scored = (BTreeMap<String, f64>, Counts);
 
 /// Scores the output of a sequence.
 ///
@@ -203,67 +188,6 @@ pub(crate) fn reference_image(
     Ok(values.into_iter().map(|v| v.min(1.0) as f32).collect())
 }
 
-/// Reads an image from the bytes of an `.npy` file, or returns the fault in one line. Values are clipped to 0..1.
-///
-/// The shape is (height, width), or (height, width, 3) for a color image.
-pub(crate) fn decode_image(
-    bytes: &[u8],
-    geometry: Geometry,
-    is_color: bool,
-) -> std::result::Result<Vec<f32>, String> {
-    Ok(clipped(&decode_array(bytes, &image_shape(geometry, is_color))?))
-}
-
-fn image_shape(geometry: Geometry, is_color: bool) -> Vec<u64> {
-    let size = [geometry.height() as u64, geometry.width() as u64];
-    size.into_iter().chain(is_color.then_some(3)).collect()
-}
-
-fn clipped(image: &[f32]) -> Vec<f32> {
-    image.iter().map(|v| v.clamp(0.0, 1.0)).collect()
-}
-
-/// Checks the type, the order and the number of the stored elements.
-fn check_storage(header: &npy::Header, bytes: &[u8]) -> std::result::Result<(), String> {
-    let fault = |found: String, expected: &str| {
-        Err(format!("output of the method: found {found}, expected {expected}"))
-    };
-    if !matches!(header.element, Element::F32 | Element::F64) {
-        return fault(
-            format!("elements of type {}", header.element),
-            "f32 or f64, which is f4 or f8 in NumPy",
-        );
-    }
-    if header.is_fortran_order {
-        return fault("an array in Fortran order".into(), "C order; save numpy.ascontiguousarray(array)");
-    }
-    let end = header.data_bytes().map(|n| n + header.data_offset as u64);
-    match (bytes.len() as u64).checked_sub(end.unwrap_or(0)) {
-        Some(excess @ 1..) => {
-            fault(format!("{} after the array", Count(excess, "byte")), "the end of the file")
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Reads the finite values of an array of floats. The shape may contain further sides of length 1.
-pub(super) fn decode_array(bytes: &[u8], expected: &[u64]) -> std::result::Result<Vec<f32>, String> {
-    let (header, values) = npy::read_values("output of the method", bytes).map_err(|e| e.to_string())?;
-    check_storage(&header, bytes)?;
-    let sides = |shape: &[u64]| -> Vec<u64> { shape.iter().copied().filter(|side| *side != 1).collect() };
-    if sides(&header.shape) != sides(expected) {
-        return Err(format!(
-            "output of the method: found the shape {:?}, expected {expected:?}",
-            header.shape
-        ));
-    }
-    let values: Vec<f32> = values.into_iter().map(|v| v as f32).collect();
-    match values.iter().position(|v| !v.is_finite()) {
-        Some(index) => Err(MetricError::NonFinite { index }.to_string()),
-        None => Ok(values),
-    }
-}
-
 /// The score of a metric that is not defined for an output: a flat image has no detail, and its noise counts as 100 %.
 fn undefined_score(name: &str) -> Option<f64> {
     match name {
@@ -352,39 +276,5 @@ fn image_score(
             format!("`{other}`"),
             "a metric of the task reconstruction",
         )),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn faulty_images_have_a_fault_in_one_line() {
-        let geometry = Geometry::new(3, 2).unwrap();
-        let image = |shape: &[u64], values: &[f32]| {
-            npy::to_bytes(Element::F32, shape, values.iter().map(|v| v.to_le_bytes())).unwrap()
-        };
-        let good = image(&[2, 3], &[0.5, 2.0, -1.0, 0.0, 1.0, 0.25]);
-        assert_eq!(decode_image(&good, geometry, false).unwrap(), [0.5, 1.0, 0.0, 0.0, 1.0, 0.25]);
-        assert!(decode_image(&image(&[1, 2, 3], &[0.5; 6]), geometry, false).is_ok());
-        let nan = image(&[2, 3], &[0.5, f32::NAN, 0.0, 0.0, 0.0, 0.0]);
-        let integers = npy::to_bytes(Element::U8, &[2, 3], [[0_u8]; 6].into_iter()).unwrap();
-        let half = npy::to_bytes(Element::F16, &[2, 3], [[0_u8; 2]; 6].into_iter()).unwrap();
-        let text = String::from_utf8_lossy(&good[10..128]).replace("False", "True ");
-        let fortran = [&good[..10], text.as_bytes(), &good[128..]].concat();
-        for (bytes, word) in [
-            (&good[..good.len() - 4], "truncated"),
-            (&nan, "NaN at index 1"),
-            (&image(&[3, 2], &[0.5; 6]), "[3, 2]"),
-            (&integers, "f4 or f8"),
-            (&[&good[..], b"x"].concat(), "1 byte after the array"),
-            (&half, "type f16"),
-            (&fortran, "Fortran order"),
-            (&b"no array"[..], "output of the method"),
-        ] {
-            let fault = decode_image(bytes, geometry, false).unwrap_err();
-            assert!(fault.contains(word) && !fault.contains('\n'), "{fault}");
-        }
     }
 }

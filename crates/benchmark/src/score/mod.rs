@@ -26,9 +26,13 @@ use crate::generated::{GeneratedGroup, GeneratedSequence, GeneratedSuite};
 use crate::run::{self, Method, RunDescription, SandboxState, SequenceResult, is_positive};
 use crate::suite::CurvePoint;
 
+pub(crate) use dense::decode_image;
+pub(crate) use evaluation::reference_image;
 pub use evaluation::{Evaluation, evaluate_output};
-pub(crate) use evaluation::{decode_image, reference_image};
 pub use summary::{Cost, GroupSummary, MetricSummary, ScoreInterval};
+
+/// Maximum size of a reference in bytes.
+const MAX_REFERENCE_BYTES: u64 = 1 << 30;
 
 /// Version of the format of `score.json`.
 const FORMAT_VERSION: u32 = 1;

@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use spikelane::error::Result;
 
-use super::boxes::{detection_metrics, tracking_metrics};
-use super::evaluation::Counts;
+use super::boxes::{Counts, detection_metrics, tracking_metrics};
 use super::{Evaluation, OVERALL, SequenceScore};
 use crate::aggregate::{Bootstrap, Interval, Summary, ValueWithInterval, bootstrap, summarize};
 use crate::detection::{ImageMatches, detection_scores};

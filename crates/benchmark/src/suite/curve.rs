@@ -8,8 +8,7 @@ use spikelane::unstable::inputs::PlainName;
 use spikelane_dataset::{Content, DatasetOptions};
 use spikelane_scene::Lighting;
 
-use super::Suite;
-use super::file::config_error;
+use super::{Suite, config_error};
 
 /// The quantity that a curve varies.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]

@@ -3,13 +3,13 @@
 use serde::Deserialize;
 use toml::{Table, Value};
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::Result;
 use spikelane::presets;
 use spikelane::unstable::error::toml_fault;
 use spikelane::unstable::inputs::PlainName;
 
 use super::curve::{Curve, CurveValue, Quantity};
-use super::{SCORED_SPLIT, Suite, SuiteSplit, Task, dataset_options};
+use super::{SCORED_SPLIT, Suite, SuiteSplit, Task, config_error, dataset_options};
 use crate::Metric;
 
 /// Version of the file format.
@@ -64,10 +64,6 @@ struct CurveTable {
     quantity: Quantity,
     values: Vec<Value>,
     sequences: u32,
-}
-
-pub(super) fn config_error(subject: impl std::fmt::Display) -> Error {
-    Error::new(ErrorKind::Config, subject)
 }
 
 /// Parses a suite file. The caller checks the groups.

@@ -190,7 +190,7 @@ impl Suite {
         for group in suite.groups(&suite.other_splits())? {
             group.options.check()?;
             if !names.insert(group.name.as_str().to_owned()) {
-                return Err(file::config_error("suite")
+                return Err(config_error("suite")
                     .found(format_args!("two groups with the name {}", group.name))
                     .expected("one group of each name"));
             }
@@ -291,7 +291,7 @@ impl Suite {
         if self.scene_version == SCENE_VERSION {
             return Ok(());
         }
-        Err(file::config_error(format_args!("suite {} {}", self.name, self.version))
+        Err(config_error(format_args!("suite {} {}", self.name, self.version))
             .found(format_args!("scene version {}", self.scene_version))
             .expected(format_args!("{SCENE_VERSION}, the scene version of this program"))
             .remedy(format_args!(
@@ -303,7 +303,7 @@ impl Suite {
     /// Checks the data set that the groups have in common.
     fn check_options(&self) -> Result<()> {
         if self.options.dataset_layout != DatasetLayout::SpikeCv {
-            return Err(file::config_error("dataset.dataset_layout")
+            return Err(config_error("dataset.dataset_layout")
                 .found(self.options.dataset_layout)
                 .expected("spikecv, which does not change the exposure of the scenes"));
         }
@@ -315,14 +315,14 @@ impl Suite {
         let mut seeds = BTreeSet::new();
         for split in &self.splits {
             if split.sequences == 0 || split.sequences > MAX_SPLIT_SEQUENCES {
-                return Err(file::config_error(format_args!("split {}", split.name))
+                return Err(config_error(format_args!("split {}", split.name))
                     .found(format_args!("{} sequences", split.sequences))
                     .expected(format_args!("1 to {MAX_SPLIT_SEQUENCES}")));
             }
             let options = self.group_options(split, split.sequences, &split.name);
             for index in 0..u64::from(split.sequences) {
                 if !seeds.insert(options.scene_seed_for(&options.scene_id(index))) {
-                    return Err(file::config_error(format_args!("split {}", split.name))
+                    return Err(config_error(format_args!("split {}", split.name))
                         .found(format_args!("scene {index}, which is also a scene of another split"))
                         .expected("splits without common scenes")
                         .remedy("give each split another seed"));
@@ -336,16 +336,20 @@ impl Suite {
     fn single_camera(options: &DatasetOptions, quantity: Quantity) -> Result<()> {
         match options.cameras {
             Cameras::Single => Ok(()),
-            _ => Err(file::config_error(format_args!("curve of {}", quantity.name()))
+            _ => Err(config_error(format_args!("curve of {}", quantity.name()))
                 .found("several cameras")
                 .expected("one camera, so that the curve varies only one quantity")),
         }
     }
 }
 
+fn config_error(subject: impl std::fmt::Display) -> Error {
+    Error::new(ErrorKind::Config, subject)
+}
+
 /// Parses the table `dataset` of a suite.
 fn dataset_options(table: toml::Table) -> Result<DatasetOptions> {
-    let text = toml::to_string(&table).map_err(|e| file::config_error("dataset").found(e))?;
+    let text = toml::to_string(&table).map_err(|e| config_error("dataset").found(e))?;
     config::from_toml(&text, Path::new(""), Access::Read)
 }
 

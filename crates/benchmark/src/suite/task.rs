@@ -7,7 +7,7 @@ use spikelane::reconstruct::ColorMatrix;
 use spikelane_dataset::{Content, DatasetOptions, SceneContent};
 use spikelane_io::simulate::ImageFormat;
 
-use super::file::config_error;
+use super::config_error;
 use crate::Metric;
 
 /// The depth of the trivial answer in meters.

@@ -2,12 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::common::{Console, CountProgress, ThreadArgs, event, stop_flag};
 use indicatif::DecimalBytes;
-use serde_json::json;
-
-use crate::common::console::Console;
-use crate::common::progress::{CountProgress, stop_flag};
-use crate::common::threads::ThreadArgs;
 use spikelane::Result;
 use spikelane::unstable::Count;
 use spikelane_benchmark::generated::{self, GenerateOptions, GenerateReport};
@@ -64,9 +60,7 @@ pub(super) fn generate(suite: &Suite, args: &GenerateArgs, out: &Console) -> Res
     };
     if args.dry_run {
         let estimate = generated::estimate(suite, &options)?;
-        let event = json!({
-            "event": "estimate", "sequences": estimate.sequences, "readouts": estimate.readouts, "bytes": estimate.bytes,
-        });
+        let event = event("estimate", &estimate)?;
         let text = format!(
             "{} to generate: {}, about {}\n",
             Count(estimate.sequences, "sequence"),
@@ -92,10 +86,8 @@ fn print_report(suite: &Suite, args: &GenerateArgs, report: &GenerateReport, out
     }
     let place = args.output.display();
     let text = format!("{place}: {} generated, {} verified\n", report.generated, report.verified);
-    let mut event = json!({
-        "event": "done", "output": place.to_string(), "generated": report.generated, "verified": report.verified,
-        "digest": report.digest, "notes": report.notes,
-    });
+    let mut event = event("done", report)?;
+    event["output"] = place.to_string().into();
     if let Some(published) = suite.published_digest() {
         event["published_digest"] = published.into();
     }

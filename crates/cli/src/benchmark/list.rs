@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use crate::common::console::Console;
+use crate::common::Console;
 use spikelane::Result;
 use spikelane_benchmark::suite::Suite;
 

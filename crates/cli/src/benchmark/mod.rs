@@ -4,18 +4,17 @@ mod generate;
 mod list;
 mod report;
 mod run;
-mod sandbox;
 mod score;
 mod seal;
 mod verify;
 
 use std::path::Path;
+use std::sync::atomic::Ordering;
 
 use clap::Subcommand;
 
-use crate::common::console::Console;
-use crate::common::progress::run_interruptible;
-use spikelane::Result;
+use crate::common::{Console, StopSignal, run_interruptible};
+use spikelane::{Error, ErrorKind, Result};
 use spikelane_benchmark::generated::GeneratedSuite;
 
 /// Score spike pipelines on suites of scenes
@@ -50,6 +49,14 @@ fn open_suite(folder: &Path, out: &Console) -> Result<GeneratedSuite> {
         out.print_message(mismatch);
     }
     Ok(data)
+}
+
+/// Returns an error if the stop flag is set.
+fn check_stop(stop: &StopSignal) -> Result<()> {
+    if stop.load(Ordering::Relaxed) {
+        return Err(Error::new(ErrorKind::Interrupted, "stopped on request").remedy(SEQUENCES_KEPT_MESSAGE));
+    }
+    Ok(())
 }
 
 /// Runs the command.

@@ -4,10 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use crate::common::console::{Console, run_record};
-use crate::common::marked_page::replace_between_markers;
-use crate::common::output_claims;
-use crate::common::output_stem::append_ending;
+use crate::common::{Console, append_ending, claim_files, replace_between_markers, run_record};
 use crate::speed::report::source_commit;
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
@@ -50,7 +47,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let path = |ending: &str| append_ending(&args.output, ending);
     let (html, json_path) = (path(".html"), path(".json"));
-    let _claim = output_claims::claim([&html, &json_path], args.force)?;
+    let _claim = claim_files([&html, &json_path], args.force)?;
     if !args.label.is_empty() && args.label.len() != args.scores.len() {
         return Err(Error::new(ErrorKind::Usage, "--label")
             .found(Count(args.label.len(), "name"))

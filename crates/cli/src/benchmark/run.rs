@@ -1,19 +1,16 @@
 //! Implements `spikelane benchmark run`.
 
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use serde_json::json;
 
-use super::open_suite;
-use super::sandbox::{SandboxArgs, print_state};
 use super::score::write_score;
-use crate::common::console::Console;
-use crate::common::progress::{CountProgress, StopSignal, stop_flag};
-use spikelane::{Error, ErrorKind, Result};
+use super::{check_stop, open_suite};
+use crate::common::{Console, CountProgress, stop_flag};
+use spikelane::Result;
 use spikelane_benchmark::generated::GeneratedSuite;
-use spikelane_benchmark::run::{self as benchmark_run, Method, RunOptions};
+use spikelane_benchmark::run::{self as benchmark_run, Method, RunOptions, SandboxOptions, SandboxState};
 
 /// Run a method on every sequence of a suite and score the outputs
 ///
@@ -88,16 +85,6 @@ impl MethodArgs {
     }
 }
 
-/// Returns an error if the stop flag is set.
-pub(super) fn check_stop(stop: &StopSignal) -> Result<()> {
-    if stop.load(Ordering::Relaxed) {
-        return Err(
-            Error::new(ErrorKind::Interrupted, "stopped on request").remedy(super::SEQUENCES_KEPT_MESSAGE)
-        );
-    }
-    Ok(())
-}
-
 /// Runs the command.
 ///
 /// # Errors
@@ -132,4 +119,51 @@ pub(super) fn run_and_score(data: &GeneratedSuite, options: &RunOptions, out: &C
         "failed": report.failed,
     }))?;
     write_score(data, &options.output, options.method.name(), true, out)
+}
+
+#[derive(clap::Args, Debug)]
+pub(super) struct SandboxArgs {
+    /// Let the method read only system folders and this folder (repeatable)
+    ///
+    /// Without this flag, the method can read all files except those of the suite and of the run.
+    #[arg(long, value_name = "DIR", conflicts_with = "no_sandbox")]
+    allow_read: Vec<PathBuf>,
+    /// Also let the method write to this folder, such as a cache (repeatable)
+    #[arg(long, value_name = "DIR", conflicts_with = "no_sandbox")]
+    allow_write: Vec<PathBuf>,
+    /// Run a method that you trust without a sandbox
+    #[arg(long)]
+    no_sandbox: bool,
+}
+
+impl SandboxArgs {
+    /// Returns whether a flag is set.
+    pub(super) fn is_set(&self) -> bool {
+        self.no_sandbox || !self.allow_read.is_empty() || !self.allow_write.is_empty()
+    }
+
+    pub(super) fn options(&self) -> SandboxOptions {
+        SandboxOptions {
+            is_enabled: !self.no_sandbox,
+            allow_read: self.allow_read.clone(),
+            allow_write: self.allow_write.clone(),
+        }
+    }
+}
+
+/// Prints whether the processes of the method are restricted.
+///
+/// # Errors
+/// Those of [`SandboxOptions::state`].
+pub(super) fn print_state(options: &RunOptions, out: &Console) -> Result<()> {
+    let Some(state) = options.sandbox.state(&options.method)? else { return Ok(()) };
+    out.print_message(match state {
+        SandboxState::Active => "sandbox active: the method cannot read the suite and the run",
+        SandboxState::Off => "sandbox off: the method can read and change all files of this user",
+        _ => {
+            "sandbox absent: the method can read and change all files of this user; \
+             a sandbox needs Linux 5.13 with Landlock"
+        }
+    });
+    out.print_event(&json!({"event": "sandbox", "state": state}))
 }

@@ -4,10 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use super::open_suite;
-use super::run::check_stop;
-use crate::common::console::Console;
-use crate::common::progress::stop_flag;
+use super::{check_stop, open_suite};
+use crate::common::{Console, stop_flag};
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_benchmark::generated::GeneratedSuite;

@@ -5,9 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::generate::{GenerateArgs, generate};
-use crate::common::console::Console;
-use crate::common::output_claims;
-use crate::common::output_stem::append_ending;
+use crate::common::{Console, append_ending, claim_files};
 use spikelane::Result;
 use spikelane::unstable::inputs::read_text;
 use spikelane_benchmark::seal;
@@ -61,7 +59,7 @@ pub(crate) struct RevealArgs {
 pub(crate) fn run_seal(args: &SealArgs, out: &Console) -> Result<()> {
     let path = |ending: &str| append_ending(&args.output, ending);
     let (public, secret) = (path(".sealed.json"), path(".secret.json"));
-    let _claim = output_claims::claim([&public, &secret], false)?;
+    let _claim = claim_files([&public, &secret], false)?;
     let suite = Suite::load(&args.suite)?;
     let seeds = match &args.seeds_from {
         Some(file) => seal::read_seeds(file)?,

@@ -5,11 +5,9 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::open_suite;
-use super::run::check_stop;
-use super::sandbox::{SandboxArgs, print_state};
-use crate::common::console::Console;
-use crate::common::progress::{CountProgress, stop_flag};
+use super::run::{SandboxArgs, print_state};
+use super::{check_stop, open_suite};
+use crate::common::{Console, CountProgress, stop_flag};
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_benchmark::generated::GeneratedSuite;

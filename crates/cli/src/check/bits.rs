@@ -5,8 +5,7 @@ use spikelane::SpikeFrames;
 use spikelane::unstable::Count;
 use spikelane::unstable::plan::ErrorBounds;
 
-use super::peer::Peer;
-use super::{Conclusion, Verdict};
+use super::{Conclusion, Peer, Verdict};
 
 /// Half of the distance between 1 and the next `f32`, and between 1 and the next `f64`.
 const F32_ROUNDING: f64 = 1.0 / 16_777_216.0;

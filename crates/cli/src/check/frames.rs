@@ -8,8 +8,7 @@ use spikelane::{Camera, Error, ErrorKind, Geometry, Result, presets};
 use spikelane_io::light::natural_order::natural_cmp;
 use spikelane_io::light::{InputOptions, ResizeMode, Transfer, image_file, open};
 
-use super::Args;
-use super::peer::Peer;
+use super::{Args, Peer};
 
 /// Largest size that scsim simulates by default. Its code simulates about 30,000 pixel-readouts per
 /// second.

@@ -7,20 +7,50 @@ mod statistics;
 
 use std::path::PathBuf;
 
+use clap::ValueEnum;
 use serde_json::{Value, json};
 use spikelane::unstable::Count;
 use spikelane::{Camera, Error, ErrorKind, Geometry, Plan, Result, Seeds, SpikeFrames, presets};
 
-use crate::common::console::Console;
-use crate::common::progress::{CountProgress, stop_flag};
+use crate::common::{Console, CountProgress, stop_flag};
 use frames::FrameFolder;
-use peer::{Peer, PeerRun};
+use peer::PeerRun;
 
 /// Number of sensors of the preset whose statistics are compared with those of the other simulator.
 const PRESET_RUNS: u64 = 20;
 
 /// Largest value of `--seed`. NumPy accepts seeds of 32 bits, and each run has its own seed.
 const MAX_SEED: i64 = u32::MAX as i64 - 100;
+
+/// A simulator with a preset. The driver uses the same names as the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Peer {
+    /// `video2spike_simulation` of Spike-Zoo
+    Spikezoo,
+    /// `video_to_spike` of SpikeCV
+    Spikecv,
+    /// `img_to_spike` of SpikeCV
+    SpikecvImage,
+    /// `get_spike` of SCSim
+    Scsim,
+}
+
+impl Peer {
+    /// Returns the name of the preset that describes the simulator.
+    const fn preset(self) -> &'static str {
+        match self {
+            Self::Spikezoo => "spike-zoo",
+            Self::Spikecv => "spikecv",
+            Self::SpikecvImage => "spikecv-image",
+            Self::Scsim => "scsim-code",
+        }
+    }
+
+    /// Returns whether the driver reports the start charges.
+    const fn has_start_charges(self) -> bool {
+        matches!(self, Self::Spikezoo | Self::Spikecv)
+    }
+}
 
 /// Check a preset against the published code of another simulator
 ///

@@ -6,7 +6,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use clap::ValueEnum;
+use clap::ValueEnum as _;
 use serde_json::Value;
 use spikelane::unstable::inputs;
 use spikelane::{Error, ErrorKind, Result, SpikeFrames};
@@ -14,7 +14,7 @@ use spikelane_io::formats::{Layout, StreamReader};
 
 use super::Args;
 use super::frames::FrameFolder;
-use crate::common::progress::StopSignal;
+use crate::common::StopSignal;
 
 /// The script that runs a function of the other simulator.
 const DRIVER: &str = include_str!("driver.py");
@@ -25,36 +25,6 @@ const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Largest number of bytes of Python's messages that an error contains, and of the facts that the driver writes.
 const MAX_MESSAGE_BYTES: usize = 1000;
 const MAX_FACTS_BYTES: u64 = 1 << 16;
-
-/// A simulator with a preset. The driver uses the same names as the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Peer {
-    /// `video2spike_simulation` of Spike-Zoo
-    Spikezoo,
-    /// `video_to_spike` of SpikeCV
-    Spikecv,
-    /// `img_to_spike` of SpikeCV
-    SpikecvImage,
-    /// `get_spike` of SCSim
-    Scsim,
-}
-
-impl Peer {
-    /// Returns the name of the preset that describes the simulator.
-    pub(super) const fn preset(self) -> &'static str {
-        match self {
-            Self::Spikezoo => "spike-zoo",
-            Self::Spikecv => "spikecv",
-            Self::SpikecvImage => "spikecv-image",
-            Self::Scsim => "scsim-code",
-        }
-    }
-
-    /// Returns whether the driver reports the start charges.
-    const fn has_start_charges(self) -> bool {
-        matches!(self, Self::Spikezoo | Self::Spikecv)
-    }
-}
 
 /// The runs of a command.
 pub(super) struct Job<'a> {

@@ -87,7 +87,7 @@ impl CameraChanges {
             sensor.readout_hz = rate.hz();
         }
         if let Some(text) = &self.mosaic {
-            camera.mosaic = super::mosaic::parse(text)?;
+            camera.mosaic = super::flags::parse_mosaic(text)?;
         }
         for name in &self.disable_effect {
             effects::find(name)?;

@@ -2,9 +2,10 @@
 
 use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 use spikelane::error::{printable, render_settings};
 use spikelane::{Error, Result};
@@ -80,6 +81,14 @@ impl Console {
     }
 }
 
+/// Returns the JSON event `name` with the fields of `result`, which is a structure.
+pub(crate) fn event(name: &str, result: &impl Serialize) -> Result<Value> {
+    let fields = serde_json::to_value(result);
+    let mut event = fields.map_err(|e| Error::new(spikelane::ErrorKind::Config, name).found(e))?;
+    event["event"] = name.into();
+    Ok(event)
+}
+
 /// Returns the flag of a setting that a message of a library names.
 pub(crate) fn flag(key: &str) -> String {
     format!("--{}", key.replace('_', "-"))
@@ -132,21 +141,6 @@ pub(crate) fn run_record(files: impl IntoIterator<Item = impl AsRef<Path>>) -> R
 pub(crate) fn recorded_command() -> String {
     let words = command_line().into_iter().skip(1);
     std::iter::once("spikelane".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
-}
-
-/// Returns the path of the JSON beside an HTML report: the same name with the ending `.json`.
-///
-/// # Errors
-/// [`ErrorKind::Usage`](spikelane::ErrorKind::Usage) if `report` ends in `.json`.
-pub(crate) fn report_json_path(report: &Path) -> Result<PathBuf> {
-    match report.extension() {
-        Some(ending) if ending.eq_ignore_ascii_case("json") => {
-            Err(Error::new(spikelane::ErrorKind::Usage, flag("report"))
-                .found("a name with the ending of the JSON file beside the page")
-                .expected("the name of an HTML file, such as report.html"))
-        }
-        _ => Ok(report.with_extension("json")),
-    }
 }
 
 /// Replaces an absolute path in `word` with its file name. `word` is a word of a command line.

@@ -9,7 +9,7 @@ use image::{
 use spikelane::light::srgb_code;
 use spikelane::reconstruct::{ColorMatrix, Demosaic, demosaic, tfp};
 use spikelane::sensor::Mosaic;
-use spikelane::spikes::{SpikeFramesRef, bit};
+use spikelane::spikes::bit;
 use spikelane::unstable::light::srgb_byte;
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::StreamReader;
@@ -122,23 +122,17 @@ pub(crate) fn sample_readouts(readouts: usize, step: usize) -> Vec<usize> {
     (first..readouts).step_by(step).collect()
 }
 
-/// Reads `half` packed frames before and after readout `at`. Returns them and the index of readout `at` among them.
-pub(crate) fn frames_around(reader: &StreamReader, at: usize, half: usize) -> Result<(Vec<u8>, usize)> {
-    let (frames, center) = reader.read_around(at, half)?;
-    Ok((frames.into_bytes(), center))
-}
-
 fn window_rates(reader: &StreamReader, at: usize) -> Result<Vec<f32>> {
-    let (bytes, center) = frames_around(reader, at, HALF_WINDOW_READOUTS)?;
-    tfp(SpikeFramesRef::new(reader.geometry(), &bytes)?, center, HALF_WINDOW_READOUTS)
+    let (frames, center) = reader.read_around(at, HALF_WINDOW_READOUTS)?;
+    tfp(frames.view(), center, HALF_WINDOW_READOUTS)
 }
 
 /// Returns an image of one readout. Spikes are white.
 pub(crate) fn spikes_picture(reader: &StreamReader, at: usize) -> Result<GrayImage> {
     let geometry = reader.geometry();
-    let (spikes, center) = frames_around(reader, at, 0)?;
-    let frame = &spikes[center * geometry.frame_bytes()..];
-    Ok(image_from_levels((0..geometry.pixels()).map(|p| 255 * u8::from(bit(frame, p))), geometry))
+    let (frames, _) = reader.read_around(at, 0)?;
+    let level = |p| 255 * u8::from(bit(frames.as_bytes(), p));
+    Ok(image_from_levels((0..geometry.pixels()).map(level), geometry))
 }
 
 /// Returns a PNG of up to four panels: the light, one readout of spikes, TFP of the noisy stream, and TFP of the clean

@@ -1,5 +1,6 @@
 //! Built-in light: driving scenes, objects, the test chart, and the motion of a camera across an image.
 
+use crate::common::LightingArg;
 use spikelane::{Camera, Error, ErrorKind, Result};
 use spikelane_dataset::Drive;
 use spikelane_io::light::open;
@@ -9,7 +10,6 @@ use spikelane_io::light::{
 use spikelane_scene::{self as scene, Exposure, KeyframePlan, Lens, Lighting, Scene, SceneOptions};
 
 use super::light::{LightArgs, RunLight};
-use crate::common::lighting::LightingArg;
 
 /// Default frames per second of the chart, the objects and a camera motion. At 20 kHz a frame lasts 20 readouts. In this
 /// time the fastest bar of a 400-pixel chart moves one pixel.

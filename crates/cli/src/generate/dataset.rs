@@ -11,10 +11,8 @@ mod stats;
 mod status;
 
 use indicatif::DecimalBytes;
-use serde_json::json;
 
-use crate::common::console::Console;
-use crate::common::progress::run_interruptible;
+use crate::common::{Console, event, run_interruptible};
 use messages::{print_copied_files, print_failures, print_skipped_files};
 use progress::DatasetProgress;
 use spec::DatasetSpec;
@@ -130,10 +128,7 @@ fn print_estimate(estimate: &DatasetEstimate, result: bool, out: &Console) -> Re
         Count(estimate.readouts, "readout"),
         DecimalBytes(estimate.bytes),
     );
-    let event = json!({
-        "event": "estimate", "sequences": estimate.sequences, "readouts": estimate.readouts,
-        "bytes": estimate.bytes, "inputs_of_unknown_length": estimate.inputs_of_unknown_length,
-    });
+    let event = event("estimate", estimate)?;
     if result {
         return out.print_result(&event, &format!("{text}\n"));
     }
@@ -148,13 +143,8 @@ fn print_report(options: &DatasetOptions, report: &DatasetReport, out: &Console)
         report.generated, report.verified_sequences, report.failed_sequences
     );
     let text = format!("{text}digest {}\n", report.digest);
-    let set_aside: Vec<_> =
-        report.failures.iter().map(|(input, why)| json!({"input": input, "reason": why})).collect();
-    let event = json!({
-        "event": "done", "output": place.to_string(), "generated": report.generated, "verified_sequences": report.verified_sequences,
-        "failed_sequences": report.failed_sequences, "failures": set_aside, "too_fast_scenes": report.too_fast_scenes, "required_readout_hz": report.required_readout_hz,
-        "digest": report.digest, "copied_files": report.copied_files,
-    });
+    let mut event = event("done", report)?;
+    event["output"] = place.to_string().into();
     out.print_result(&event, &text)?;
     print_failures(&report.failures, &report.notes, out);
     print_copied_files(report.copied_files, out);

@@ -7,11 +7,9 @@ use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::simulate::{Sidecar, StreamFacts};
 use spikelane_io::storage;
 
-use super::output_names::OutputNames;
 use super::simulate::{Args, run as simulate};
 use crate::command::{Cli, Command};
-use crate::common::console::Console;
-use crate::common::output_stem::OutputStem;
+use crate::common::{Console, OutputNames, OutputStem};
 
 const OUTPUT_FOLDER: &str = "out";
 

@@ -11,7 +11,7 @@ use spikelane_io::light::Frame;
 use spikelane_io::simulate::{LightFacts, RunOptions};
 
 use super::light::RunLight;
-use crate::common::console::Console;
+use crate::common::Console;
 use spikelane::unstable::inputs;
 
 /// Duration in seconds of each of the two speed measurements: reading light, and simulating readouts.

@@ -11,10 +11,7 @@ use spikelane_io::light::{
 };
 use spikelane_io::simulate::LightFacts;
 
-use crate::common::camera::exact_rate;
-use crate::common::console::{Console, recorded_path};
-use crate::common::lighting::LightingArg;
-use crate::common::progress::stop_flag;
+use crate::common::{Console, LightingArg, exact_rate, recorded_path, stop_flag};
 
 /// Built-in light, which needs no input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

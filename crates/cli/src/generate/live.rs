@@ -20,11 +20,7 @@ use spikelane_io::simulate::{ReadAhead, ReadoutStream, RunOptions};
 use spikelane_measure::report::insert_present;
 
 use super::light::{BuiltinLight, LightArgs, print_new_notes};
-use crate::common::camera::CameraArgs;
-use crate::common::console::Console;
-use crate::common::progress::{CountProgress, stop_flag};
-use crate::common::seeds::SeedArgs;
-use crate::common::threads::ThreadArgs;
+use crate::common::{CameraArgs, Console, CountProgress, SeedArgs, ThreadArgs, stop_flag};
 
 /// Number of readouts of light that never ends. It corresponds to a year at 35 kHz.
 const ENDLESS_READOUTS: u64 = 1 << 40;

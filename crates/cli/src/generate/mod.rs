@@ -7,7 +7,6 @@ pub(super) mod forecast;
 pub(super) mod images;
 pub(super) mod light;
 pub(super) mod live;
-mod output_names;
 pub(super) mod scene;
 pub(super) mod simulate;
 pub(super) mod summary;

@@ -9,13 +9,10 @@ use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::storage;
 use spikelane_scene::{Exposure, Lens, RenderedFrame, SamplesPerPixel, Scene, SceneOptions, labels};
 
-use crate::common::console::Console;
-use crate::common::lighting::LightingArg;
-use crate::common::output_claims;
-use crate::common::progress::{CountProgress, stop_flag};
-use crate::common::seeds::SceneSeed;
-use crate::common::threads::ThreadArgs;
-use crate::common::video::{FrameEncoding, VideoWriter};
+use crate::common::{
+    Console, CountProgress, FrameEncoding, LightingArg, SceneSeed, ThreadArgs, VideoWriter, claim_folder,
+    stop_flag,
+};
 
 /// Suffixes of the files that are written for each frame.
 const FILE_KINDS: [&str; 8] = [
@@ -102,7 +99,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         ..SceneOptions::default()
     };
     let scene = Scene::from_seed(args.seeds.scene_seed, &options)?;
-    let _claim = output_claims::claim_folder(&args.output)?;
+    let _claim = claim_folder(&args.output)?;
     for i in 0..args.frames {
         storage::refuse_existing(
             &args.output,

@@ -20,15 +20,11 @@ use super::forecast;
 use super::images;
 use super::images::ImageArgs;
 use super::light::{LightArgs, RunLight, print_new_notes};
-use super::output_names::OutputNames;
 use super::summary;
-use crate::common::camera::CameraArgs;
-use crate::common::console::{Console, command_line};
-use crate::common::images::contact_sheet;
-use crate::common::output_stem::OutputStem;
-use crate::common::progress::{CountProgress, StopSignal, stop_flag};
-use crate::common::seeds::SeedArgs;
-use crate::common::threads::ThreadArgs;
+use crate::common::{
+    CameraArgs, Console, CountProgress, OutputNames, OutputStem, SeedArgs, StopSignal, ThreadArgs,
+    command_line, contact_sheet, stop_flag,
+};
 
 /// Simulate a spike stream from light
 ///

@@ -7,8 +7,7 @@ use spikelane::unstable::Count;
 use spikelane_io::formats::StreamSummary;
 use spikelane_io::simulate::{RunOptions, RunSummary, Sidecar};
 
-use super::output_names::OutputNames;
-use crate::common::console::Console;
+use crate::common::{Console, OutputNames};
 
 /// Light level, in thresholds per readout, at which an ordinary pixel fires at every readout. Clipping light above this
 /// level does not change the stream.

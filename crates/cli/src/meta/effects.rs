@@ -5,7 +5,7 @@ use spikelane::effects::ALL;
 use spikelane::effects::definition::{Param, ParamKind};
 use spikelane::{Result, effects};
 
-use crate::common::console::Console;
+use crate::common::Console;
 
 /// List effects with their parameters, units and ranges
 #[derive(clap::Args, Debug)]

@@ -9,7 +9,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, CommandFactory as _, FromArgMatches as _};
 
 use crate::command::Cli;
-use crate::common::standard_streams::refuse_dash;
+use crate::common::refuse_dash;
 use spikelane::error::printable;
 
 /// Two examples of each command.

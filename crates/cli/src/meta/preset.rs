@@ -8,9 +8,7 @@ use spikelane::effects::Maps;
 use spikelane::{Result, Seeds, presets};
 use spikelane_io::simulate::{CameraFacts, save_camera};
 
-use crate::common::camera::CameraChanges;
-use crate::common::console::Console;
-use crate::common::output_claims;
+use crate::common::{CameraChanges, Console, claim_files};
 
 /// List and print cameras
 #[derive(clap::Args, Debug)]
@@ -102,7 +100,7 @@ fn show_camera(args: &ShowArgs, out: &Console) -> Result<()> {
         };
     }
     if let Some(folder) = &args.output {
-        let _claim = output_claims::claim([folder.join("camera.toml")], args.force)?;
+        let _claim = claim_files([folder.join("camera.toml")], args.force)?;
         let path = save_camera(&camera, folder, args.force)?;
         out.print_message(path.display());
         return out.print_event(&json!({"event": "done", "file": path.display().to_string()}));

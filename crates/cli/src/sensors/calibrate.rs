@@ -14,11 +14,7 @@ use spikelane_calibrate::{
 use spikelane_measure::Estimate;
 use spikelane_measure::report::{with_error, without_error};
 
-use crate::common::console::{Console, run_record};
-use crate::common::mosaic;
-use crate::common::output_claims;
-use crate::common::progress::FileProgress;
-use crate::common::stream::print_set_warnings;
+use crate::common::{Console, FileProgress, claim_files, parse_mosaic, print_set_warnings, run_record};
 use crate::sensors::static_recording::template_remedy;
 
 /// Fit a camera to recordings of known light
@@ -80,7 +76,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let maps: &[&str] = if imported { &["rate_dark.npy", "rate_light.npy", "recordings.toml"] } else { &[] };
     let files = output_names.iter().chain(maps).map(|name| args.output.join(name));
     // The claim lasts until the last file has its final name.
-    let _claim = output_claims::claim(files, args.force)?;
+    let _claim = claim_files(files, args.force)?;
     let mut set = if imported {
         let path = import_maps(&args.recordings, &args.output, args.force)?;
         out.print_message(format_args!(
@@ -93,7 +89,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         RecordingSet::open(&args.recordings)?
     };
     if let Some(text) = &args.mosaic {
-        mosaic::parse(text)?;
+        parse_mosaic(text)?;
         set.mosaic = Some(text.clone());
     }
     print_set_warnings(&set, out)?;

@@ -18,12 +18,10 @@ use spikelane_calibrate::compare::{
 use spikelane_calibrate::{ColorFilters, RecordingSet};
 use spikelane_io::storage::FileGroup;
 
-use crate::common::console::{Console, run_record};
-use crate::common::output_claims;
-use crate::common::progress::FileProgress;
-use crate::common::seeds::SeedArgs;
-use crate::common::stream::{StreamArgs, print_set_warnings, sidecar_beside};
-use crate::common::text_table::{marked, smallest, sparkline, text_table};
+use crate::common::{
+    Console, FileProgress, SeedArgs, StreamArgs, claim_files, marked, print_set_warnings, run_record,
+    sidecar_beside, smallest, sparkline, text_table,
+};
 
 /// Compare camera models with a recording set (.toml) or a static recording
 #[derive(Debug, ClapArgs)]
@@ -90,7 +88,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let files = ["comparison.json", "comparison.html", "features.csv"].map(|name| args.output.join(name));
     // The claim lasts until the last file has its final name.
-    let _claim = output_claims::claim(&files, args.force)?;
+    let _claim = claim_files(&files, args.force)?;
     let arguments = args.positional_cameras.iter().chain(&args.camera).map(String::as_str);
     let names: Vec<&str> =
         if arguments.clone().next().is_none() { DEFAULT_MODELS.to_vec() } else { arguments.collect() };

@@ -15,9 +15,7 @@ use spikelane_diagnose::{
 };
 use spikelane_measure::report::{today, with_interval, without_error};
 
-use crate::common::console::{Console, recorded_command, recorded_path, run_record};
-use crate::common::output_claims;
-use crate::common::progress::FileProgress;
+use crate::common::{Console, FileProgress, claim_files, recorded_command, recorded_path, run_record};
 use crate::sensors::static_recording::StaticRecordingArgs;
 
 /// Find, name and add the effects that a camera model is missing
@@ -93,7 +91,7 @@ impl Args {
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let files = ["diagnosis.json", "report.html", "camera.toml"].map(|name| args.output.join(name));
     // The claim lasts until the last file has its final name.
-    let _claim = (!args.detectability).then(|| output_claims::claim(&files, args.force)).transpose()?;
+    let _claim = (!args.detectability).then(|| claim_files(&files, args.force)).transpose()?;
     let camera = args.camera.as_deref().map(presets::load).transpose()?;
     let open = |path: &PathBuf| args.stream.open(path, camera.as_ref(), out);
     let set = open(&args.recordings)?;

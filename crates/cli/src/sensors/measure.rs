@@ -7,7 +7,6 @@ use serde_json::json;
 
 use spikelane::error::Result;
 use spikelane::unstable::Count;
-use spikelane_io::storage::FileGroup;
 use spikelane_measure::report::{
     Cell, PageElement, Plot, Report, ReportState, Table, heat_map, with_error, without_error,
 };
@@ -16,11 +15,10 @@ use spikelane_measure::{
     SceneMotion, SpectralLine, Summary, detect_mosaic, high_pass, map_histogram, pattern_spectra,
 };
 
-use crate::common::console::{Console, recorded_path, report_json_path, run_record};
-use crate::common::mosaic::{StreamMosaicArgs, detection_note};
-use crate::common::output_claims;
-use crate::common::progress::FileProgress;
-use crate::common::stream::{StreamArgs, sidecar_beside};
+use crate::common::{
+    Console, FileProgress, ReportFiles, StreamArgs, StreamMosaicArgs, detection_note, recorded_path,
+    run_record, sidecar_beside,
+};
 
 /// Measure a stream of a uniform, dark or static scene in terms of EMVA 1288
 ///
@@ -48,11 +46,7 @@ pub(crate) struct Args {
 /// # Errors
 /// If the stream cannot be read, or if the report cannot be written.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let files = match &args.report {
-        Some(report) => vec![report.clone(), report_json_path(report)?],
-        None => Vec::new(),
-    };
-    let _claim = (!files.is_empty()).then(|| output_claims::claim(&files, args.force)).transpose()?;
+    let files = ReportFiles::claim(args.report.as_deref(), args.force)?;
     let reader = args.stream.open(&args.file, out)?;
     let mut progress = FileProgress::new(out);
     let (name, all) = (reader.name().to_string(), reader.readouts().max(1) as f64);
@@ -83,12 +77,9 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut result = measurement.to_json()?;
     result["event"] = json!("done");
     out.print_result(&result, &format!("{ERROR_MEANING}\n\n{text}"))?;
-    let [page, json_file] = files.as_slice() else { return Ok(()) };
+    let Some(files) = files else { return Ok(()) };
     let html = report(args, &recording, &measurement)?.html(&run_record([&args.file]));
-    let mut group = FileGroup::new(args.force);
-    group.write(page, html.as_bytes())?;
-    group.write(json_file, format!("{:#}\n", measurement.to_json()?).as_bytes())?;
-    group.commit()
+    files.write(&html, &measurement.to_json()?)
 }
 
 /// Returns the report of a measured recording.

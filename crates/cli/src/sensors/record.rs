@@ -14,12 +14,7 @@ use spikelane_io::formats::Layout;
 use spikelane_measure::report::insert_present;
 
 use super::template;
-use crate::common::camera::CameraArgs;
-use crate::common::console::Console;
-use crate::common::output_claims;
-use crate::common::progress::FileProgress;
-use crate::common::seeds::SeedArgs;
-use crate::common::stream;
+use crate::common::{CameraArgs, Console, FileProgress, SeedArgs, claim_files, stream};
 
 /// A calibration protocol.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -114,7 +109,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         protocol.recordings.iter().flat_map(|(stem, _)| ["dat", "json"].map(|e| format!("{stem}.{e}")));
     let files = names.chain(["recordings.toml".to_owned()]).map(|name| args.output.join(name));
     // The claim lasts until the last file has its final name.
-    let _claim = output_claims::claim(files, args.force)?;
+    let _claim = claim_files(files, args.force)?;
     let mut progress = FileProgress::new(out);
     let recorded =
         protocol.record(&camera, args.seeds.seeds(), &args.output, args.force, &mut |name, share| {
@@ -138,7 +133,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
 fn write_template(folder: &Path, args: &Args, out: &Console) -> Result<()> {
     // The folder must exist, because its recordings are listed.
     std::fs::metadata(folder).map_err(|e| Error::io(folder.display(), e))?;
-    let _claim = output_claims::claim([folder.join("recordings.toml")], args.force)?;
+    let _claim = claim_files([folder.join("recordings.toml")], args.force)?;
     let changes = &args.camera.changes;
     let (size, hz) = (stream::parse_size("size", changes.width, changes.height)?, changes.readout_hz);
     let file = template::write(folder, size, hz.map(|hz| hz.hz()), args.force)?.display().to_string();

@@ -8,9 +8,7 @@ use spikelane_calibrate::RecordingSet;
 use spikelane_io::formats::{Layout, OpenOptions, StreamReader};
 use spikelane_io::light::Rate;
 
-use crate::common::console::Console;
-use crate::common::standard_streams::is_dash;
-use crate::common::stream::{parse_size, print_set_warnings, sidecar_beside};
+use crate::common::{Console, is_dash, parse_size, print_set_warnings, sidecar_beside};
 
 /// Flags that describe one static recording. A recording set contains these values.
 #[derive(clap::Args, Clone, Debug)]

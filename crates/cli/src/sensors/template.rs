@@ -10,7 +10,7 @@ use spikelane_calibrate::UNSPECIFIED_LIGHT;
 use spikelane_io::formats::StreamReader;
 use spikelane_io::storage;
 
-use crate::common::stream::{count_spikes, file_name, sidecar_beside};
+use crate::common::{count_spikes, file_name, sidecar_beside};
 
 /// Number of readouts from which the rate of a recording is measured. The rate helps users to identify recordings.
 const RATE_SAMPLE_READOUTS: usize = 500;

@@ -11,13 +11,13 @@ mod short_calls;
 mod stream;
 mod timing;
 
+use crate::common::replace_between_markers;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
 use spikelane::{Backend, Error, ErrorKind, Result};
 
-use crate::common::marked_page::replace_between_markers;
 use cameras::{NoiseSet, test_frames};
 use in_memory::LightMode;
 use report::{BenchmarkFigure, Machine, SpeedReport, SpeedRow};

@@ -1,12 +1,14 @@
 //! Benchmarks whole processes of this program, started in the same way as by a user.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 use spikelane::unstable::npy::{self, Element};
 use spikelane::{Error, ErrorKind, Result};
+use tempfile::TempDir;
 
 use super::cameras::{NoiseSet, test_frames};
 
@@ -77,7 +79,7 @@ pub(crate) struct ProcessResult {
 }
 
 /// Run times of the fastest run.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Serialize)]
 pub(crate) struct RunTime {
     /// Processor time of all threads in seconds. `None` on systems other than Linux.
     pub processor_s: Option<f64>,
@@ -96,43 +98,30 @@ impl ProcessResult {
     }
 
     pub(crate) fn json(&self) -> Value {
-        let took = |t: RunTime| json!({"processor_s": t.processor_s, "wall_s": t.wall_s});
         json!({"name": self.name, "processor_s": self.run_time.processor_s, "wall_s": self.run_time.wall_s,
-            "real_time_factor": self.real_time_factor(), "gigabytes_per_second": self.gigabytes_per_second(), "baseline": self.baseline.map(took)})
+            "real_time_factor": self.real_time_factor(), "gigabytes_per_second": self.gigabytes_per_second(), "baseline": self.baseline})
     }
 }
 
-/// A folder that is removed with all its files on drop.
-struct ScratchFolder(PathBuf);
-
-impl ScratchFolder {
-    fn new(path: PathBuf) -> Result<Self> {
-        std::fs::create_dir_all(&path).map_err(|e| Error::io(path.display(), e))?;
-        Ok(Self(path))
-    }
-}
-
-impl Drop for ScratchFolder {
-    fn drop(&mut self) {
-        // If the folder cannot be removed, it was probably never created.
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
+/// Creates a folder in `parent` that is removed when the value is dropped.
+fn scratch_folder(parent: &Path) -> Result<TempDir> {
+    let folder = tempfile::Builder::new().prefix(".spikelane-bench-").tempdir_in(parent);
+    folder.map_err(|e| Error::io(parent.display(), e))
 }
 
 /// Runs every process in a folder below `directory`. If `baseline` is another build of this program, runs of the two
 /// builds alternate.
 pub(crate) fn benchmark_processes(directory: &Path, baseline: Option<&Path>) -> Result<Vec<ProcessResult>> {
-    let folder =
-        ScratchFolder::new(directory.join(format!(".spikelane-bench-{}-process", std::process::id())))?;
+    let folder = scratch_folder(directory)?;
     let program = std::env::current_exe().map_err(|e| Error::io("this program", e))?;
     // Each process runs in another working directory, in which a relative path would point to another file.
     let baseline =
         baseline.map(|b| std::path::absolute(b).map_err(|e| Error::io(b.display(), e))).transpose()?;
-    write_inputs(&folder.0, &program)?;
+    write_inputs(folder.path(), &program)?;
     PROCESS_CASES
         .iter()
         .map(|&(what, arguments, readouts)| {
-            let (took, other) = fastest_runs(&folder.0, &program, baseline.as_deref(), arguments)?;
+            let (took, other) = fastest_runs(folder.path(), &program, baseline.as_deref(), arguments)?;
             Ok(ProcessResult { name: what, readouts, run_time: took, baseline: other })
         })
         .collect()
@@ -193,9 +182,9 @@ fn run_once(
     arguments: &[&str],
     then: impl Fn(&Path) -> Result<()>,
 ) -> Result<RunTime> {
-    let run_folder = ScratchFolder::new(folder.join("run"))?;
+    let run_folder = scratch_folder(folder)?;
     let mut command = Command::new(program);
-    command.args(arguments).current_dir(&run_folder.0).stdout(Stdio::null()).stderr(Stdio::piped());
+    command.args(arguments).current_dir(run_folder.path()).stdout(Stdio::null()).stderr(Stdio::piped());
     let (before, begin) = (children_seconds(), Instant::now());
     let output = command.output().map_err(|e| Error::io(program.display(), e))?;
     let (wall_s, after) = (begin.elapsed().as_secs_f64(), children_seconds());
@@ -203,7 +192,7 @@ fn run_once(
         let what = format!("{} {}", program.display(), arguments.join(" "));
         return Err(Error::new(ErrorKind::Io, what).found(String::from_utf8_lossy(&output.stderr).trim()));
     }
-    then(&run_folder.0)?;
+    then(run_folder.path())?;
     Ok(RunTime { processor_s: after.zip(before).map(|(after, before)| after - before), wall_s })
 }
 

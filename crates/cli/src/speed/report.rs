@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 use spikelane::unstable::Count;
 use spikelane::{Error, Result};
@@ -55,6 +56,7 @@ impl SpeedRow {
 }
 
 /// One result with a name and a unit.
+#[derive(Serialize)]
 pub(crate) struct BenchmarkFigure {
     pub name: String,
     pub value: f64,
@@ -62,7 +64,7 @@ pub(crate) struct BenchmarkFigure {
 }
 
 /// The machine and the build on which the benchmarks ran.
-#[derive(Default)]
+#[derive(Default, Serialize)]
 pub(crate) struct Machine {
     date: String,
     cpu: String,
@@ -244,16 +246,13 @@ impl SpeedReport {
                 "speedup_over_scalar": r.speed / self.scalar_speed(), "real_time_factors": real,
             })
         };
-        let fact = |f: &BenchmarkFigure| json!({"name": f.name, "value": f.value, "unit": f.unit});
-        let m = &self.machine;
-        json!({"date": m.date, "cpu": m.cpu, "threads": m.threads, "compiler": m.compiler,
-            "commit": m.commit, "portable_lanes": m.portable_lanes,
-            "speeds": self.rows.iter().map(row).collect::<Vec<_>>(),
-            "figures": self.figures.iter().map(fact).collect::<Vec<_>>(),
-            "scenes": self.scenes.iter().map(RenderTime::json).collect::<Vec<_>>(),
-            "stages": self.stages.iter().map(RenderStage::json).collect::<Vec<_>>(),
-            "processes": self.processes.iter().map(ProcessResult::json).collect::<Vec<_>>(),
-        })
+        let mut all = json!(self.machine);
+        all["speeds"] = self.rows.iter().map(row).collect();
+        all["figures"] = json!(self.figures);
+        all["scenes"] = json!(self.scenes);
+        all["stages"] = self.stages.iter().map(RenderStage::json).collect();
+        all["processes"] = self.processes.iter().map(ProcessResult::json).collect();
+        all
     }
 
     /// Writes the page. The existing text after the marker line is preserved.

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 use spikelane::Result;
 use spikelane::spikes::Geometry;
@@ -15,6 +16,7 @@ use super::timing::best_rate;
 const BLENDER_FRAME_MS: f64 = 34_000.0;
 
 /// The time to render one row of the table.
+#[derive(Serialize)]
 pub(crate) struct RenderTime {
     pub name: String,
     /// Number of threads. It is zero for times that were not measured here.
@@ -25,10 +27,6 @@ pub(crate) struct RenderTime {
 impl RenderTime {
     fn from_benchmark(what: String, threads: usize, budget: Duration, run: impl FnMut()) -> Self {
         Self { name: what, threads, ms: 1e3 / best_rate(budget, 1.0, run) }
-    }
-
-    pub(crate) fn json(&self) -> Value {
-        json!({"name": self.name, "threads": self.threads, "ms": self.ms})
     }
 }
 

@@ -1,34 +1,26 @@
 //! Benchmarks the work of a pipeline on a stream: writing, reading, unpacking and reconstruction.
 
 use std::hint::black_box;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use spikelane::reconstruct::{tfi, tfp};
 use spikelane::spikes::{Geometry, SpikeFramesRef};
-use spikelane::{Result, Seeds, Simulator};
+use spikelane::{Error, Result, Seeds, Simulator};
 use spikelane_io::formats::{Codec, Layout, StreamReader, StreamWriter};
 use spikelane_io::light::{Frame, OwnedSamples, Rate, Source, Timeline};
 use spikelane_io::simulate::{FrameRef, RunObserver, RunOptions, run};
+
+use tempfile::TempPath;
 
 use super::cameras::{NoiseSet, test_frames};
 use super::report::{BenchmarkFigure, SpeedRow};
 use super::timing::best_rate;
 
-/// A file that is removed on drop.
-struct ScratchFile(PathBuf);
-
-impl ScratchFile {
-    fn new(directory: &Path, name: &str) -> Self {
-        Self(directory.join(format!(".spikelane-bench-{}-{name}.dat", std::process::id())))
-    }
-}
-
-impl Drop for ScratchFile {
-    fn drop(&mut self) {
-        // If the file cannot be removed, it was probably never created.
-        let _ = std::fs::remove_file(&self.0);
-    }
+/// Returns the path of a new file in `directory` that is removed when the value is dropped.
+fn scratch_file(directory: &Path) -> Result<TempPath> {
+    let file = tempfile::Builder::new().prefix(".spikelane-bench-").suffix(".dat").tempfile_in(directory);
+    Ok(file.map_err(|e| Error::io(directory.display(), e))?.into_temp_path())
 }
 
 /// Light that consists of a single frame in memory.
@@ -61,7 +53,7 @@ impl Source for StaticLight {
 ///
 /// The time begins with the plan and excludes the final sync.
 pub(crate) fn benchmark_simulate(directory: &Path, threads: usize, readouts: usize) -> Result<SpeedRow> {
-    let file = ScratchFile::new(directory, "write");
+    let file = scratch_file(directory)?;
     let camera = NoiseSet::AllNoise.camera()?;
     let geometry = camera.sensor.geometry;
     let light = test_frames(NoiseSet::AllNoise, 1).remove(0);
@@ -73,7 +65,7 @@ pub(crate) fn benchmark_simulate(directory: &Path, threads: usize, readouts: usi
     };
     let mut source = StaticLight(Some(Frame::new(geometry, OwnedSamples::U8(light))?), geometry);
     let begin = Instant::now();
-    let done = run(&job, &mut source, &file.0, None, RunObserver::default())?;
+    let done = run(&job, &mut source, &file, None, RunObserver::default())?;
     let before_sync = begin.elapsed().saturating_sub(done.sync_time);
     let speed = (readouts * geometry.pixels()) as f64 / before_sync.as_secs_f64();
     Ok(SpeedRow::new(
@@ -96,15 +88,15 @@ pub(crate) fn benchmark_readers(
     let geometry = simulator.plan().geometry();
     let mut stream = vec![0; readouts * geometry.frame_bytes()];
     simulator.fill(FrameRef::new(&test_frames(NoiseSet::AllNoise, 1)[0]), &mut stream)?;
-    let file = ScratchFile::new(directory, "read");
-    let mut writer = StreamWriter::create(&file.0, Layout::Dat, geometry, readouts as u64, true)?;
+    let file = scratch_file(directory)?;
+    let mut writer = StreamWriter::create(&file, Layout::Dat, geometry, readouts as u64, true)?;
     writer.write_frames(0, &stream)?;
     writer.finish()?;
     let work = (readouts * geometry.pixels()) as f64;
     let mut facts = Vec::new();
     let mut add =
         |name: &str, value: f64, unit| facts.push(BenchmarkFigure { name: name.to_owned(), value, unit });
-    let speed = benchmark_reading(&file.0, geometry, readouts, work, budget)?;
+    let speed = benchmark_reading(&file, geometry, readouts, work, budget)?;
     add("reading a `dat` file", speed / 1e9, "Gpixel-readouts/s");
     let codec = Codec::new(Layout::NpyBytes, geometry)?;
     let some = &stream[..readouts.min(64) * geometry.frame_bytes()];

@@ -15,13 +15,10 @@ use spikelane_io::simulate::{MosaicFacts, Sidecar, StreamFacts};
 use spikelane_io::storage::OutputSet;
 use spikelane_measure::report::insert_present;
 
-use crate::common::console::{Console, command_line};
-use crate::common::mosaic::StreamMosaicArgs;
-use crate::common::output_claims;
-use crate::common::progress::{CountProgress, stop_flag};
-use crate::common::readout_range::{CropArg, ReadoutRange};
-use crate::common::standard_streams::{StreamOutput, is_dash, refuse_json};
-use crate::common::stream::{StreamArgs, file_name, sidecar_beside};
+use crate::common::{
+    Console, CountProgress, CropArg, ReadoutRange, StreamArgs, StreamMosaicArgs, StreamOutput, claim_files,
+    command_line, file_name, is_dash, refuse_json, sidecar_beside, stop_flag,
+};
 
 /// Convert a stream, or a part of it, to another layout
 ///
@@ -80,7 +77,7 @@ impl Args {
                 .found("the input itself")
                 .expected("another file for the output"));
         }
-        output_claims::claim([&*self.output, sidecar], self.force)
+        claim_files([&*self.output, sidecar], self.force)
     }
 
     fn sidecar(&self) -> PathBuf {

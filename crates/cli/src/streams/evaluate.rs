@@ -6,26 +6,26 @@ mod picture;
 mod reference;
 mod report;
 mod scores;
+mod tables;
 
 use std::path::{Path, PathBuf};
 
-use serde_json::{Value, json};
+use serde_json::json;
 use spikelane::reconstruct::DetailReference;
 use spikelane::sensor::Mosaic;
 use spikelane::unstable::{Count, inputs, threads};
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::StreamReader;
 
-use crate::common::console::Console;
-use crate::common::images::sample_readouts;
-use crate::common::progress::{CountProgress, stop_flag};
+use crate::common::{Console, CountProgress, ReportFiles, sample_readouts, stop_flag};
 pub(crate) use args::Args;
 use picture::{
     Comparison, Method, Picture, TFI_INTERVAL_READOUTS, evaluate_colors, evaluate_pictures, mean_pictures,
+    with_pictures,
 };
 use reference::{ReferenceImage, StaticScene};
 use report::ScoredStream;
-use scores::tables;
+use tables::tables;
 
 /// Number of readouts that a thread scores per batch. The events of a batch are printed when the batch is complete.
 const BATCH_POINTS: usize = 4;
@@ -40,29 +40,17 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     if args.full_scale_rate.is_some_and(|f| !(f.is_finite() && f > 0.0)) {
         return Err(Error::new(ErrorKind::Usage, "--full-scale-rate").expected("a positive rate"));
     }
-    let _claim = report::claim(args)?;
-    if dataset::is_dataset(&args.file) { dataset::run(args, out) } else { evaluate_stream(args, out) }
-}
-
-/// Adds the pictures to `event`, with the reference of gray pictures or the mosaic of color pictures.
-fn with_pictures(
-    mut event: Value,
-    pictures: &[Picture],
-    truth: Option<&ReferenceImage>,
-    mosaic: Option<&Mosaic>,
-) -> Value {
-    let key = if mosaic.is_some() { "color_pictures" } else { "pictures" };
-    event[key] = pictures.iter().map(Picture::json).collect();
-    match (mosaic, truth) {
-        (Some(mosaic), _) => event["mosaic"] = json!(mosaic.to_string()),
-        (None, Some(truth)) => event["reference"] = truth.json(),
-        (None, None) => {}
+    let files = ReportFiles::claim(args.report.as_deref(), args.force)?;
+    let files = files.as_ref();
+    if dataset::is_dataset(&args.file) {
+        dataset::run(args, files, out)
+    } else {
+        evaluate_stream(args, files, out)
     }
-    event
 }
 
 /// Prints the scores of one readout, or the means of every N-th readout or of the readouts with a reference.
-fn evaluate_stream(args: &Args, out: &Console) -> Result<()> {
+fn evaluate_stream(args: &Args, files: Option<&ReportFiles>, out: &Console) -> Result<()> {
     if args.reference_transfer.is_some() && args.reference.is_none() {
         return Err(Error::new(ErrorKind::Usage, "--reference-transfer")
             .found("no reference image")
@@ -98,7 +86,7 @@ fn evaluate_stream(args: &Args, out: &Console) -> Result<()> {
         ReferenceImage::read(image, geometry, mosaic.is_some(), curve)
     });
     let evaluation =
-        Evaluation { args, reader: &reader, mosaic: mosaic.as_ref(), first: first.transpose()?, out };
+        Evaluation { args, reader: &reader, mosaic: mosaic.as_ref(), first: first.transpose()?, files, out };
     if is_single { evaluation.print_readout(&points[0]) } else { evaluation.print_means(&points, count) }
 }
 
@@ -110,6 +98,7 @@ struct Evaluation<'a> {
     mosaic: Option<&'a Mosaic>,
     /// The reference image of the first readout. Other images have the same transfer function.
     first: Option<ReferenceImage>,
+    files: Option<&'a ReportFiles>,
     out: &'a Console,
 }
 
@@ -166,7 +155,7 @@ impl Evaluation<'_> {
         text.extend(
             pictures.iter().filter_map(|p| Some(format!("note: {}: {}\n", p.name, p.note.as_ref()?))),
         );
-        report::write(self.args, &[ScoredStream { name: format!("readout {at}"), pictures }])?;
+        report::write(self.args, self.files, &[ScoredStream { name: format!("readout {at}"), pictures }])?;
         self.out.print_result(&event, &text)
     }
 
@@ -214,7 +203,7 @@ impl Evaluation<'_> {
             "event": "mean_scores", "file": file.to_string(), "readouts": points.len(), "skipped_readouts": excluded,
         });
         let event = with_pictures(event, &pictures, self.first.as_ref(), self.mosaic);
-        report::write(self.args, &[ScoredStream { name: means, pictures }])?;
+        report::write(self.args, self.files, &[ScoredStream { name: means, pictures }])?;
         self.out.print_result(&event, &text)
     }
 }

@@ -14,13 +14,10 @@ use spikelane_io::storage;
 use spikelane_measure::report::insert_present;
 use spikelane_measure::{Accumulator, MeasureOptions, detect_mosaic, summarize, summarize_mosaic};
 
-use crate::common::console::Console;
-use crate::common::images::{encode_png, frames_around, gray_image, white_rate};
-use crate::common::mosaic::StreamMosaicArgs;
-use crate::common::output_claims;
-use crate::common::readout_range::ReadoutRange;
-use crate::common::standard_streams::is_dash;
-use crate::common::stream::{OpenedStream, StreamArgs, file_name, sidecar_beside};
+use crate::common::{
+    Console, OpenedStream, ReadoutRange, StreamArgs, StreamMosaicArgs, claim_files, encode_png, file_name,
+    gray_image, is_dash, sidecar_beside, white_rate,
+};
 use spikelane::unstable::inputs;
 
 /// Number of bytes of packed frames that one read returns.
@@ -83,7 +80,7 @@ fn check_png_ending(path: &Path) -> Result<()> {
 
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     args.png.as_deref().map(check_png_ending).transpose()?;
-    let _claim = args.png.as_ref().map(|png| output_claims::claim([png], args.force)).transpose()?;
+    let _claim = args.png.as_ref().map(|png| claim_files([png], args.force)).transpose()?;
     if args.digest && is_dash(&args.file) {
         return Err(Error::new(ErrorKind::Usage, "--digest")
             .found("a stream from standard input")
@@ -103,8 +100,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let matches = digest.as_ref().and_then(|d| known.map(|k| k == d));
     if let Some(path) = &args.png {
         let at = range.start + range.len() / 2;
-        let (bytes, center) = frames_around(&reader, at, HALF_WINDOW_READOUTS)?;
-        let rates = tfp(SpikeFramesRef::new(reader.geometry(), &bytes)?, center, HALF_WINDOW_READOUTS)?;
+        let (frames, center) = reader.read_around(at, HALF_WINDOW_READOUTS)?;
+        let rates = tfp(frames.view(), center, HALF_WINDOW_READOUTS)?;
         let image = gray_image(&rates, white_rate(&rates), reader.geometry());
         storage::write_small(path, &encode_png(&image)?, args.force)?;
     }

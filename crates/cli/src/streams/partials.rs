@@ -7,7 +7,7 @@ use serde_json::json;
 use spikelane::{Error, Result};
 use spikelane_io::storage::unfinished::{UnfinishedOutput, find_unfinished, remove};
 
-use crate::common::console::Console;
+use crate::common::Console;
 
 /// List unfinished files that killed processes left in a folder
 ///

@@ -13,21 +13,17 @@ use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_io::formats::StreamReader;
 use spikelane_measure::detect_mosaic;
 
-use crate::common::console::Console;
-use crate::common::images::{PictureFormat, sample_readouts, white_rate};
-use crate::common::mosaic::{StreamMosaicArgs, detection_note};
-use crate::common::movie::{MOVIE_EXTENSIONS, MovieFormat, MovieWriter};
-use crate::common::output_claims;
-use crate::common::progress::{CountProgress, stop_flag};
-use crate::common::standard_streams::{is_dash, refuse_json};
-use crate::common::stream::StreamArgs;
+use crate::common::{
+    Console, CountProgress, MOVIE_EXTENSIONS, MovieFormat, MovieWriter, PictureFormat, StreamArgs,
+    StreamMosaicArgs, claim_files, claim_folder, detection_note, is_dash, refuse_json, sample_readouts,
+    stop_flag, white_rate,
+};
 use spikelane::unstable::inputs;
 use spikelane::unstable::threads;
 
-mod npy_sink;
 mod sinks;
 
-use sinks::{FileSink, FolderSink, GrayScale, MovieSink, PictureSink, StdoutSink};
+use sinks::{FileSink, FolderSink, GrayScale, MovieSink, NpySink, PictureSink, StdoutSink};
 
 /// Number of pictures that a thread reconstructs per batch. The pictures of a batch are written when it is complete.
 const BATCH_PICTURES: usize = 4;
@@ -365,9 +361,9 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         OutputKind::Stdout => None,
         OutputKind::Folder => {
             sinks::check_empty_folder(&args.output, args.force)?;
-            Some(output_claims::claim_folder(&args.output)?)
+            Some(claim_folder(&args.output)?)
         }
-        _ => Some(output_claims::claim([&args.output], args.force)?),
+        _ => Some(claim_files([&args.output], args.force)?),
     };
     let mut first = args.reconstruct_at(&reader, moments[0])?;
     let color = args.color_picture(&first.0, geometry)?;
@@ -395,7 +391,7 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
             format: args.bits,
             gray_scale: shown,
         }),
-        OutputKind::Npy => Box::new(npy_sink::NpySink::new(
+        OutputKind::Npy => Box::new(NpySink::new(
             &args.output,
             args.force,
             reader.geometry(),

@@ -10,8 +10,7 @@ use spikelane_io::formats::{EVENTS_LAYOUT, Layout, StreamReader};
 use spikelane_io::simulate::{Sidecar, StreamFacts};
 use spikelane_io::storage;
 
-use crate::common::console::Console;
-use crate::common::stream::{count_spikes, file_name};
+use crate::common::{Console, count_spikes, file_name};
 
 /// Verify streams against their sidecars
 ///

@@ -9,11 +9,7 @@ use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::storage;
 use spikelane_view::{EndReason, Server, SourceOptions, Sources, export_page};
 
-use crate::common::console::Console;
-use crate::common::output_claims;
-use crate::common::progress::stop_flag;
-use crate::common::readout_range::{CropArg, ReadoutRange};
-use crate::common::stream::StreamArgs;
+use crate::common::{Console, CropArg, ReadoutRange, StreamArgs, claim_files, stop_flag};
 
 /// Show streams and data sets in the browser
 ///
@@ -69,7 +65,7 @@ fn parse_state(text: &str) -> std::result::Result<String, &'static str> {
 }
 
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let claim = args.export.as_ref().map(|path| output_claims::claim([path], args.force)).transpose()?;
+    let claim = args.export.as_ref().map(|path| claim_files([path], args.force)).transpose()?;
     if args.readout_hz.is_some_and(|hz| !(hz.is_finite() && hz > 0.0)) {
         return Err(Error::new(ErrorKind::Usage, "--readout-hz").expected("a positive number"));
     }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::hidden_file::HiddenFile;
-use crate::{DatasetOptions, SequenceEntry, Split, labeled_frames};
+use crate::{DatasetOptions, SequenceEntry, Split, labels};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::{InnerPath, PARTIAL_ENDING, PlainName, read_bytes};
 use spikelane_io::storage::{folders, sync};
@@ -84,7 +84,7 @@ impl CocoWriter {
     pub(super) fn add(&mut self, options: &DatasetOptions, entry: &SequenceEntry) -> Result<()> {
         let path =
             entry.path().join("labels").join(FILE_NAME).resolve_in(&options.output, options.access())?;
-        let bytes = read_bytes(&path, "COCO lists", labeled_frames::MAX_LABEL_BYTES)?;
+        let bytes = read_bytes(&path, "COCO lists", labels::MAX_LABEL_BYTES)?;
         let bad = |found: &dyn std::fmt::Display| {
             Error::new(ErrorKind::Corrupt, path.display()).found(found).expected("COCO lists")
         };

@@ -4,9 +4,9 @@
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::metadata;
-use crate::{DatasetOptions, Split};
+use crate::{DatasetOptions, SequenceEntry, Split};
 use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::unstable::inputs::InnerPath;
 use spikelane_io::storage::{self, folders};
 use spikelane_measure::report::insert_present;
 
@@ -56,7 +56,7 @@ fn file_object(split: Split, text: &str) -> Value {
     json!({
         "@type": "cr:FileObject", "@id": format!("{split}-table"), "name": format!("{split}-table"),
         "description": "One line per sequence: its ground truth image, its noisy stream and its clean stream.",
-        "contentUrl": format!("{split}/{}", metadata::FILE_NAME), "contentSize": format!("{} B", text.len()),
+        "contentUrl": format!("{split}/{}", TABLE_NAME), "contentSize": format!("{} B", text.len()),
         "encodingFormat": "application/jsonlines", "sha256": sha256(text),
     })
 }
@@ -97,36 +97,10 @@ fn record_set(split: Split, text: &str) -> Value {
 
 /// Returns the context that version 1.0 of the specification defines.
 fn context() -> Value {
-    let local_term = |name: &str| (name.to_owned(), Value::from(format!("cr:{name}")));
-    let mut all: serde_json::Map<String, Value> = [
-        "citeAs",
-        "column",
-        "extract",
-        "field",
-        "fileProperty",
-        "fileObject",
-        "fileSet",
-        "format",
-        "includes",
-        "isLiveDataset",
-        "jsonPath",
-        "key",
-        "md5",
-        "parentField",
-        "path",
-        "recordSet",
-        "references",
-        "regex",
-        "repeated",
-        "replace",
-        "separator",
-        "source",
-        "subField",
-        "transform",
-    ]
-    .into_iter()
-    .map(local_term)
-    .collect();
+    let terms = "citeAs column extract field fileProperty fileObject fileSet format includes isLiveDataset jsonPath key md5 \
+                 parentField path recordSet references regex repeated replace separator source subField transform";
+    let mut all: serde_json::Map<String, Value> =
+        terms.split(' ').map(|name| (name.to_owned(), format!("cr:{name}").into())).collect();
     let entries = [
         ("@language", json!("en")),
         ("@vocab", json!("https://schema.org/")),
@@ -141,6 +115,51 @@ fn context() -> Value {
     ];
     all.extend(entries.map(|(key, value)| (key.to_owned(), value)));
     all.into()
+}
+
+/// Name of the table in the folder of a split.
+const TABLE_NAME: &str = "metadata.jsonl";
+
+#[derive(Default)]
+pub(super) struct Tables {
+    splits: [String; 3],
+}
+
+impl Tables {
+    pub(super) fn add(&mut self, entry: &SequenceEntry, split: usize) {
+        let id = &entry.id;
+        // Seeds are written as hexadecimal text. Some programs cannot read integers of 64 bits, and other programs
+        // convert decimal digits in text to a number.
+        let annotation = json!({
+            "file_name": format!("gt/{id}.png"), "id": id, "spike": format!("spike/{id}.dat"),
+            "clean": format!("clean/{id}.dat"), "readouts": entry.readouts,
+            "camera_seed": format!("{:#x}", entry.seeds[0]), "record": entry.digest,
+        });
+        let more = [
+            ("input", entry.input.as_deref().map(Into::into)),
+            ("scene_seed", entry.scene_seed.map(|s| format!("{s:#x}").into())),
+        ];
+        self.splits[split] += &format!("{}\n", insert_present(annotation, more));
+    }
+
+    /// Writes the tables. Returns the tables that are not empty, with their splits.
+    pub(super) fn write(self, options: &DatasetOptions) -> Result<Vec<(Split, String)>> {
+        let mut written = Vec::new();
+        for (split, text) in Split::ALL.into_iter().zip(self.splits) {
+            let path = InnerPath::from(split.name()).join(TABLE_NAME);
+            if text.is_empty() {
+                folders::remove(&options.output, &path)?;
+            } else {
+                storage::write_small(
+                    &folders::create_parents(&options.output, &path)?,
+                    text.as_bytes(),
+                    true,
+                )?;
+                written.push((split, text));
+            }
+        }
+        Ok(written)
+    }
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 
 use std::fmt::Write as _;
 
-use super::loader_links::write_if_changed;
-use crate::labeled_frames::{FrameCamera, LabeledFrame};
+use crate::hidden_file::write_if_changed;
+use crate::labels::{FrameCamera, LabeledFrame};
 use crate::{DatasetOptions, SequenceEntry};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::{InnerPath, PlainName, read_text};

@@ -4,7 +4,6 @@ mod coco;
 mod croissant;
 mod kitti;
 mod loader_links;
-mod metadata;
 mod mot;
 mod spikecv;
 mod ssl_csc;
@@ -19,14 +18,14 @@ pub(super) use ssl_csc::check_camera;
 
 /// Collects the tables of all sequences.
 pub(super) struct Exporters {
-    tables: metadata::Tables,
+    tables: croissant::Tables,
     /// One writer per split, in the order of the variants of `Split`.
     coco: [Option<coco::CocoWriter>; 3],
 }
 
 impl Exporters {
     pub(super) fn new() -> Self {
-        Self { tables: metadata::Tables::default(), coco: [None, None, None] }
+        Self { tables: croissant::Tables::default(), coco: [None, None, None] }
     }
 
     /// Adds a sequence to the exports if its status is `Done`. Returns the number of files that were copied.

@@ -3,8 +3,8 @@
 
 use std::fmt::Write as _;
 
-use super::loader_links::write_if_changed;
-use crate::labeled_frames::LabeledFrame;
+use crate::hidden_file::write_if_changed;
+use crate::labels::LabeledFrame;
 use crate::{DatasetOptions, SequenceEntry};
 use spikelane::error::Result;
 use spikelane::unstable::inputs::InnerPath;
@@ -58,7 +58,7 @@ pub(super) fn write(options: &DatasetOptions, entry: &SequenceEntry, frames: &[L
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::labeled_frames::{FrameCamera, VehicleLabel};
+    use crate::labels::{FrameCamera, VehicleLabel};
 
     #[test]
     fn pixels_and_frames_count_from_one_and_what_is_hidden_is_left_out() {

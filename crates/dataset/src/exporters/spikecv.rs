@@ -4,9 +4,9 @@
 //! A SpikeCV configuration supports only one file extension. Therefore boxes (for detection and tracking), depth and
 //! flow have separate root folders below `spikecv`.
 
-use super::loader_links::{link_or_copy, write_if_changed};
 use super::mot;
-use crate::labeled_frames::LabeledFrame;
+use crate::hidden_file::{link_or_copy, write_if_changed};
+use crate::labels::LabeledFrame;
 use crate::{DatasetLayout, DatasetOptions, SequenceEntry};
 use spikelane::error::Result;
 use spikelane::unstable::inputs::{InnerPath, PlainName};

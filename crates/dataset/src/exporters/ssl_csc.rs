@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use super::loader_links::write_if_changed;
+use crate::hidden_file::write_if_changed;
 use crate::{DatasetLayout, DatasetOptions, SequenceEntry};
 use image::{ColorType, DynamicImage};
 use serde_json::json;

@@ -2,13 +2,15 @@
 
 use std::path::PathBuf;
 
+use serde::Serialize;
+
 use super::finished::check_finished;
 use super::journal;
 use super::lock::{self, Lock};
 use super::plan::ShardPlan;
 use crate::exporters::{self, Exporters};
 use crate::manifest::{self, DatasetDigest, sequence_path};
-use crate::{SequenceEntry, SequenceRecord, SequenceStatus, datasheet};
+use crate::{SequenceEntry, SequenceFailure, SequenceRecord, SequenceStatus, datasheet};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 
 /// Options of a merge.
@@ -24,12 +26,12 @@ pub struct MergeOptions {
 }
 
 /// Result of a merge.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct MergeReport {
     /// Number of finished sequences.
     pub sequences: u64,
-    /// Name of each sequence that failed, and the reason.
-    pub failures: Vec<(String, String)>,
+    /// The sequences that failed.
+    pub failures: Vec<SequenceFailure>,
     /// Digest of the records of all sequences. The digest does not depend on the division into shards.
     pub digest: String,
     /// Number of files that were copied to the loaders' folders because the file system does not support hard links.
@@ -68,10 +70,7 @@ pub fn merge(
             counts.add(&entry);
             match entry.status {
                 SequenceStatus::Done => merged.sequences += 1,
-                _ => {
-                    let name = entry.input.clone().unwrap_or_else(|| entry.id.to_string());
-                    merged.failures.push((name, entry.reason.clone().unwrap_or_default()));
-                }
+                _ => merged.failures.push((&entry).into()),
             }
             progress(number, plan.shards())?;
             if options.create_links && !plan.pack_shards && entry.status == SequenceStatus::Done {

@@ -5,6 +5,8 @@ use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
+use serde::Serialize;
+
 use super::journal::{self, Journal, JournalEntry, ShardManifestHead};
 use super::lock::{self, Lock};
 use super::pack;
@@ -15,8 +17,8 @@ use crate::manifest::sequence_path;
 use crate::record::intact_or_none;
 use crate::sequence::GeneratedSequence;
 use crate::{
-    Content, DatasetOptions, SequenceEntry, SequenceProgress, SequenceRecord, SequenceStatus, fingerprint,
-    sequence,
+    Content, DatasetOptions, SequenceEntry, SequenceFailure, SequenceProgress, SequenceRecord,
+    SequenceStatus, fingerprint, sequence,
 };
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::Count;
@@ -37,15 +39,16 @@ pub struct ShardOptions {
 }
 
 /// Result of the generation of a shard.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ShardReport {
     /// Number of sequences that were generated.
     pub generated: usize,
     /// Number of existing sequences that were not generated again.
     pub reused: usize,
     /// Name of each sequence that failed in this run or in an earlier run, and the reason of the failure.
-    pub failures: Vec<(String, String)>,
+    pub failures: Vec<SequenceFailure>,
     /// Notes for the user about the inputs and the light of generated sequences. Each note is one line.
+    #[serde(skip)]
     pub notes: Vec<String>,
 }
 
@@ -152,14 +155,9 @@ pub fn generate_shard(
     Ok(report)
 }
 
-fn failed_sequences(lines: &[JournalEntry]) -> Vec<(String, String)> {
+fn failed_sequences(lines: &[JournalEntry]) -> Vec<SequenceFailure> {
     let failed = lines.iter().filter(|l| l.entry.status == SequenceStatus::Failed);
-    failed.map(|l| (display_name(&l.entry), l.entry.reason.clone().unwrap_or_default())).collect()
-}
-
-/// Returns the name of a sequence for messages.
-fn display_name(entry: &SequenceEntry) -> String {
-    entry.input.clone().filter(|name| !name.is_empty()).unwrap_or_else(|| entry.id.to_string())
+    failed.map(|l| SequenceFailure::from(&l.entry)).collect()
 }
 
 /// Removes the partial folders and files of killed processes.

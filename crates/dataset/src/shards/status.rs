@@ -1,5 +1,7 @@
 //! The progress of a plan.
 
+use serde::Serialize;
+
 use super::journal;
 use super::lock;
 use super::plan::ShardPlan;
@@ -7,7 +9,7 @@ use spikelane::error::Result;
 use spikelane_measure::upper_median;
 
 /// A shard that a process is generating.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct RunningShard {
     /// Number of the shard.
     pub shard: u64,

@@ -292,7 +292,7 @@ fn many_clips_become_sequences_of_their_own_and_broken_ones_are_set_aside() {
     fs::write(clips.join("bad.y4m"), b"YUV4MPEG2 W48").unwrap();
     let report = generate_dataset(&options(&out, inputs(&clips))).unwrap();
     assert_eq!((report.generated, report.verified_sequences, report.failed_sequences), (18, 0, 2));
-    let aside: Vec<_> = report.failures.iter().map(|(input, _)| input.as_str()).collect();
+    let aside: Vec<_> = report.failures.iter().map(|failure| failure.input.as_str()).collect();
     assert_eq!(aside, ["bad", "bad.y4m"]);
     let Content::Inputs(found) = inputs(&clips) else { unreachable!() };
     assert_eq!(dataset::skipped_files(&found, &out).unwrap(), [Path::new("cover.png")]);

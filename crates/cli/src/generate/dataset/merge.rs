@@ -3,11 +3,8 @@
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-use serde_json::json;
-
 use super::messages::{print_copied_files, print_failures, print_outside_inputs};
-use crate::common::console::Console;
-use crate::common::progress::{FileProgress, stop_flag};
+use crate::common::{Console, FileProgress, event, stop_flag};
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::Access;
@@ -74,12 +71,8 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         merged.failures.len(),
         merged.digest
     );
-    let set_aside: Vec<_> =
-        merged.failures.iter().map(|(input, why)| json!({"input": input, "reason": why})).collect();
-    let event = json!({
-        "event": "merged", "output": place.to_string(), "sequences": merged.sequences, "failures": set_aside,
-        "digest": merged.digest, "copied_files": merged.copied_files,
-    });
+    let mut event = event("merged", &merged)?;
+    event["output"] = place.to_string().into();
     out.print_result(&event, &text)?;
     print_failures(&merged.failures, &[], out);
     print_copied_files(merged.copied_files, out);

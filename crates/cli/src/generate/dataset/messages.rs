@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::console::Console;
+use crate::common::Console;
 use spikelane::Result;
 use spikelane::unstable::Count;
 use spikelane_dataset::shards::ShardPlan;
-use spikelane_dataset::{self as dataset, Content, DatasetOptions, InputContent};
+use spikelane_dataset::{self as dataset, Content, DatasetOptions, InputContent, SequenceFailure};
 
 /// Prints a warning about files in the input folder that are not converted to a sequence.
 pub(super) fn print_skipped_files(
@@ -59,9 +59,9 @@ fn skipped_line(skipped: &[PathBuf]) -> Option<String> {
 }
 
 /// Prints the failed sequences and the notes about inputs.
-pub(super) fn print_failures(set_aside: &[(String, String)], notes: &[String], out: &Console) {
-    for (input, why) in set_aside {
-        out.print_message(format_args!("failed  {input}: {why}"));
+pub(super) fn print_failures(failures: &[SequenceFailure], notes: &[String], out: &Console) {
+    for SequenceFailure { input, reason } in failures {
+        out.print_message(format_args!("failed  {input}: {reason}"));
     }
     for note in notes {
         out.print_message(format_args!("warning: {note}"));

@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::messages::print_skipped_files;
 use super::spec::DatasetSpec;
-use crate::common::console::Console;
+use crate::common::Console;
 use spikelane::unstable::Count;
 use spikelane::{Error, Result};
 use spikelane_dataset::Content;

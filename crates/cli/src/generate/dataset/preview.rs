@@ -5,13 +5,11 @@ use std::path::PathBuf;
 use image::{GrayImage, imageops};
 use serde_json::json;
 
-use crate::common::console::Console;
-use crate::common::images::{frames_around, gray_image, spikes_picture, white_rate};
-use crate::common::movie::{MovieFormat, MovieWriter};
-use crate::common::output_claims;
-use crate::common::progress::{CountProgress, stop_flag};
+use crate::common::{
+    Console, CountProgress, MovieFormat, MovieWriter, claim_files, gray_image, spikes_picture, stop_flag,
+    white_rate,
+};
 use spikelane::reconstruct::tfp;
-use spikelane::spikes::SpikeFramesRef;
 use spikelane::unstable::{Count, threads};
 use spikelane::{Error, ErrorKind, Geometry, Result};
 use spikelane_dataset::DatasetReader;
@@ -64,7 +62,7 @@ pub(crate) struct Args {
 /// * If a file cannot be read.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
     let format = MovieFormat::require(&args.output)?;
-    let _claim = output_claims::claim([&args.output], args.force)?;
+    let _claim = claim_files([&args.output], args.force)?;
     let dataset = DatasetReader::open(&args.folder, args.follow_links)?;
     let done = dataset.done_entries();
     let shown = done.len().min(args.sequences as usize);
@@ -121,8 +119,8 @@ fn frame_row(noisy: &StreamReader, clean: &StreamReader, at: usize) -> Result<Ve
     let half = (noisy.readouts() / 16).clamp(1, 80);
     let mean = |reader: &StreamReader| -> Result<Vec<f32>> {
         let at = at.min(reader.readouts() - 1);
-        let (bytes, center) = frames_around(reader, at, half)?;
-        tfp(SpikeFramesRef::new(reader.geometry(), &bytes)?, center, half)
+        let (frames, center) = reader.read_around(at, half)?;
+        tfp(frames.view(), center, half)
     };
     let (geometry, truth) = (noisy.geometry(), mean(clean)?);
     let white = white_rate(&truth);

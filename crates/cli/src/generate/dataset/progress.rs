@@ -6,8 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
-use crate::common::console::Console;
-use crate::common::progress::{StopSignal, remaining_text, stop_flag};
+use crate::common::{Console, StopSignal, remaining_text, stop_flag};
 use spikelane::error::printable;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::SequenceProgress;

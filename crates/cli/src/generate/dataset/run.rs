@@ -2,12 +2,9 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
-
 use super::messages::{print_failures, print_outside_inputs};
 use super::progress::DatasetProgress;
-use crate::common::console::Console;
-use crate::common::threads::ThreadArgs;
+use crate::common::{Console, ThreadArgs, event};
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::Access;
 use spikelane_dataset::shards::{self, ShardOptions, ShardPlan, shard_numbers};
@@ -100,11 +97,8 @@ fn run_shard(
         report.reused,
         report.failures.len()
     );
-    let set_aside: Vec<_> =
-        report.failures.iter().map(|(input, why)| json!({"input": input, "reason": why})).collect();
-    let event = json!({
-        "event": "shard", "shard": shard, "generated": report.generated, "reused": report.reused, "failures": set_aside,
-    });
+    let mut event = event("shard", &report)?;
+    event["shard"] = shard.into();
     out.print_result(&event, &text)?;
     print_failures(&report.failures, &report.notes, out);
     Ok(())

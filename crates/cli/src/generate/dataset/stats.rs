@@ -5,14 +5,12 @@ use std::path::PathBuf;
 use indicatif::DecimalBytes;
 use serde_json::json;
 
-use crate::common::console::{Console, report_json_path, run_record};
-use crate::common::output_claims;
+use crate::common::{Console, ReportFiles, run_record};
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::statistics::{
     DatasetStatistics, LIGHT_REFERENCES, dataset_statistics, format_number, html_report,
 };
-use spikelane_io::storage;
 
 /// Summarize a dataset: splits, lighting, rates, motion and boxes
 #[derive(clap::Args, Clone, Debug)]
@@ -38,21 +36,14 @@ pub(crate) struct Args {
 /// # Errors
 /// Those of [`dataset_statistics`]. [`ErrorKind::Exists`] if the HTML page exists.
 pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
-    let files = match &args.report {
-        Some(report) => vec![report.clone(), report_json_path(report)?],
-        None => Vec::new(),
-    };
-    let _claim = (!files.is_empty()).then(|| output_claims::claim(&files, args.force)).transpose()?;
+    let files = ReportFiles::claim(args.report.as_deref(), args.force)?;
     let statistics = dataset_statistics(&args.folder, args.follow_links)?;
     let value = serde_json::to_value(&statistics)
         .map_err(|e| Error::new(ErrorKind::Config, args.folder.display()).found(e))?;
-    if let [page, json_file] = files.as_slice() {
+    if let Some(files) = files {
         let name = args.folder.file_name().unwrap_or_default().to_string_lossy();
         let run = run_record(std::iter::empty::<&PathBuf>());
-        let mut group = storage::FileGroup::new(args.force);
-        group.write(page, html_report(&name, &statistics, &run).as_bytes())?;
-        group.write(json_file, format!("{value:#}\n").as_bytes())?;
-        group.commit()?;
+        files.write(&html_report(&name, &statistics, &run), &value)?;
     }
     out.print_result(&json!({"event": "stats", "stats": value}), &statistics_text(&statistics))
 }

@@ -5,8 +5,7 @@ use std::sync::atomic::Ordering;
 
 use serde_json::json;
 
-use crate::common::console::Console;
-use crate::common::progress::stop_flag;
+use crate::common::{Console, stop_flag};
 use spikelane::unstable::Count;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::Access;
@@ -39,14 +38,9 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         }
         Ok(())
     })?;
-    let running: Vec<_> = standing
-        .running_shards
-        .iter()
-        .map(|at| json!({"shard": at.shard, "holder": at.holder, "processed": at.processed}))
-        .collect();
     let event = json!({
         "event": "status", "shards": standing.shards, "sequences": standing.sequences, "done_shards": standing.done_shards,
-        "running_shards": running, "missing_shards": standing.missing_shards.len(), "failed_sequences": standing.failed_sequences,
+        "running_shards": standing.running_shards, "missing_shards": standing.missing_shards.len(), "failed_sequences": standing.failed_sequences,
     });
     let array = (!standing.missing_shards.is_empty())
         .then(|| shard_numbers::format_shards(&standing.missing_shards).into());

@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::mosaic::StreamMosaicArgs;
-use crate::common::stream::StreamArgs;
+use crate::common::{StreamArgs, StreamMosaicArgs};
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::light::Transfer;
 use spikelane_io::simulate::{CameraFacts, Sidecar};

@@ -10,12 +10,11 @@ use spikelane::{Error, ErrorKind, Result};
 use spikelane_dataset::{DatasetReader, SequenceFiles};
 
 use super::args::Args;
-use super::picture::{Comparison, Picture, evaluate_colors, evaluate_pictures, mean_pictures};
+use super::picture::{Comparison, Picture, evaluate_colors, evaluate_pictures, mean_pictures, with_pictures};
 use super::reference::{ReferenceCurve, ReferenceImage};
 use super::report::{self, ScoredStream};
-use super::scores::tables;
-use super::with_pictures;
-use crate::common::console::Console;
+use super::tables::tables;
+use crate::common::{Console, ReportFiles};
 
 /// Returns whether `path` is a folder or has the extension of a packed shard.
 pub(super) fn is_dataset(path: &Path) -> bool {
@@ -23,7 +22,7 @@ pub(super) fn is_dataset(path: &Path) -> bool {
 }
 
 /// Scores every finished sequence and prints the means for each kind of stream.
-pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
+pub(super) fn run(args: &Args, files: Option<&ReportFiles>, out: &Console) -> Result<()> {
     if args.reference.is_some() || args.at.is_some() || args.every.is_some() || args.static_scene {
         return Err(Error::new(ErrorKind::Usage, args.file.display())
             .found("a dataset and --reference, --static-scene, --at or --every")
@@ -34,10 +33,10 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
     let mut groups = [("noisy", false), ("clean", false), ("noisy", true), ("clean", true)]
         .map(|(kind, is_color)| (kind, is_color, Vec::<Vec<Picture>>::new()));
     for entry in &done {
-        let files = dataset.sequence(entry)?;
-        let mosaic = files.sidecar()?.mosaic.map(|facts| facts.mosaic()).transpose()?;
+        let sequence = dataset.sequence(entry)?;
+        let mosaic = sequence.sidecar()?.mosaic.map(|facts| facts.mosaic()).transpose()?;
         for (kind, file) in [("noisy", "stream.dat"), ("clean", "stream.clean.dat")] {
-            let (pictures, truth) = evaluate_sequence(args, &files, file, mosaic.as_ref(), out)?;
+            let (pictures, truth) = evaluate_sequence(args, &sequence, file, mosaic.as_ref(), out)?;
             let event = json!({ "sequence": entry.id, "split": entry.split, "stream": kind });
             out.print_event(&with_pictures(event, &pictures, Some(&truth), mosaic.as_ref()))?;
             let group = groups.iter_mut().find(|group| (group.0, group.1) == (kind, mosaic.is_some()));
@@ -55,7 +54,7 @@ pub(super) fn run(args: &Args, out: &Console) -> Result<()> {
         };
         streams.push(ScoredStream { name: format!("{kind} streams, means over {count}"), pictures });
     }
-    report::write(args, &streams)?;
+    report::write(args, files, &streams)?;
     if out.json() { Ok(()) } else { out.print_result(&Value::Null, &text) }
 }
 

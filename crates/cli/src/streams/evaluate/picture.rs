@@ -13,7 +13,7 @@ use spikelane_io::formats::StreamReader;
 
 use super::reference::{ReferenceImage, StaticScene};
 use super::scores::{Score, Scores};
-use crate::common::console::Console;
+use crate::common::Console;
 
 /// Number of readouts before and after the center in which TFI searches spikes.
 const TFI_SEARCH_READOUTS: usize = 300;
@@ -246,4 +246,21 @@ pub(super) fn mean_pictures(all: &[Vec<Picture>]) -> Vec<Picture> {
         Some(Picture { demosaicing: kind.demosaicing, counts, ..Picture::new(kind.name.clone(), scores) })
     };
     all.first().into_iter().flatten().filter_map(mean).collect()
+}
+
+/// Adds the pictures to `event`, with the reference of gray pictures or the mosaic of color pictures.
+pub(super) fn with_pictures(
+    mut event: Value,
+    pictures: &[Picture],
+    truth: Option<&ReferenceImage>,
+    mosaic: Option<&Mosaic>,
+) -> Value {
+    let key = if mosaic.is_some() { "color_pictures" } else { "pictures" };
+    event[key] = pictures.iter().map(Picture::json).collect();
+    match (mosaic, truth) {
+        (Some(mosaic), _) => event["mosaic"] = json!(mosaic.to_string()),
+        (None, Some(truth)) => event["reference"] = truth.json(),
+        (None, None) => {}
+    }
+    event
 }

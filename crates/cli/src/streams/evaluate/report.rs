@@ -2,14 +2,12 @@
 
 use serde_json::{Value, json};
 use spikelane::Result;
-use spikelane_io::storage::{FileGroup, OutputSet};
 use spikelane_measure::report::{Cell, RankedRow, Report, ReportState, Table, ranked_bars, without_error};
 
 use super::args::Args;
 use super::picture::Picture;
 use super::scores::Score;
-use crate::common::console::{recorded_path, report_json_path, run_record};
-use crate::common::output_claims;
+use crate::common::{ReportFiles, recorded_path, run_record};
 
 /// Key, title and unit of each score. For the first four scores, larger values are better.
 const SCORES: [(&str, &str, &str); 11] = [
@@ -35,28 +33,16 @@ pub(super) struct ScoredStream {
     pub pictures: Vec<Picture>,
 }
 
-/// Claims the files of the report, if the user requested one.
-pub(super) fn claim(args: &Args) -> Result<Option<OutputSet>> {
-    let Some(page) = &args.report else { return Ok(None) };
-    output_claims::claim([page.clone(), report_json_path(page)?], args.force).map(Some)
-}
-
 /// Writes the report, if the user requested one.
-pub(super) fn write(args: &Args, streams: &[ScoredStream]) -> Result<()> {
-    let Some(path) = &args.report else { return Ok(()) };
+pub(super) fn write(args: &Args, files: Option<&ReportFiles>, streams: &[ScoredStream]) -> Result<()> {
+    let Some(files) = files else { return Ok(()) };
     let file = recorded_path(&args.file);
     let inputs = std::iter::once(&args.file).chain(&args.reference).filter(|path| path.is_file());
     let html = page(&file, streams).html(&run_record(inputs));
     let pictures = |s: &ScoredStream| s.pictures.iter().map(Picture::json).collect::<Vec<_>>();
     let all: Vec<Value> =
         streams.iter().map(|s| json!({ "stream": s.name, "pictures": pictures(s) })).collect();
-    let mut group = FileGroup::new(args.force);
-    group.write(path, html.as_bytes())?;
-    group.write(
-        &report_json_path(path)?,
-        format!("{:#}\n", json!({ "file": file, "streams": all })).as_bytes(),
-    )?;
-    group.commit()
+    files.write(&html, &json!({ "file": file, "streams": all }))
 }
 
 /// Returns a score that is not only a bound.

@@ -2,12 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::images::{PictureFormat, picture_levels};
-use crate::common::movie::{MovieFormat, MovieWriter};
-use crate::common::standard_streams::StreamOutput;
+use crate::common::{MovieFormat, MovieWriter, PictureFormat, StreamOutput, picture_levels};
 
+use spikelane::unstable::npy::{self, Element};
 use spikelane::{Error, ErrorKind, Geometry, Result};
-use spikelane_io::storage;
+use spikelane_io::storage::{self, FileWriter};
 
 /// An output of pictures.
 pub(super) trait PictureSink: Sync {
@@ -126,5 +125,50 @@ impl PictureSink for FolderSink {
 
     fn finish(self: Box<Self>) -> Result<()> {
         Ok(())
+    }
+}
+
+/// An array of f32 with the shape (height, width) or (pictures, height, width). Color pictures have a last axis of length
+/// 3. The array is written one picture at a time.
+pub(super) struct NpySink(FileWriter);
+
+impl NpySink {
+    /// Creates an array of `pictures` pictures. If `pictures` is `None`, the array contains one picture and has the shape
+    /// (height, width).
+    ///
+    /// `channels` is 1 for gray pictures, and 3 for color pictures.
+    pub(crate) fn new(
+        path: &Path,
+        force: bool,
+        geometry: Geometry,
+        channels: usize,
+        pictures: Option<usize>,
+    ) -> Result<Self> {
+        let sides = [geometry.height(), geometry.width()];
+        let shape: Vec<u64> = pictures
+            .into_iter()
+            .chain(sides)
+            .chain((channels > 1).then_some(channels))
+            .map(|n| n as u64)
+            .collect();
+        let header = npy::header_bytes(Element::F32, &shape);
+        let bytes = header.len() + 4 * pictures.unwrap_or(1) * geometry.pixels() * channels;
+        let mut writer = FileWriter::create(path, bytes as u64, force)?;
+        writer.write_all(&header)?;
+        Ok(Self(writer))
+    }
+}
+
+impl PictureSink for NpySink {
+    fn encode(&self, values: &[f32]) -> Result<Vec<u8>> {
+        Ok(values.iter().flat_map(|v| v.to_le_bytes()).collect())
+    }
+
+    fn write(&mut self, _: usize, encoded: &[u8]) -> Result<()> {
+        self.0.write_all(encoded)
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.0.finish().map(drop)
     }
 }
