@@ -289,10 +289,11 @@ impl IntervalAccumulator {
         for open in self.open_parts.iter_mut().flatten() {
             open.add_exact(p, pixel.spikes, times, known);
         }
-        // Times of a clock are not readouts, so they have no deviations.
+        // Times of a clock are not readouts, so they have neither deviations nor a histogram.
         let readouts = if self.clock.is_none() { Some(&mut self.scratch.readouts) } else { None };
         pixel.add_each(times, known, lags, sums, readouts);
-        for k in known.max(1)..times.len() {
+        let counted = if self.clock.is_none() { known.max(1)..times.len() } else { 0..0 };
+        for k in counted {
             self.tally.add(k, times[k] - times[k - 1]);
         }
         let kept_count = times.len().min(self.depth);

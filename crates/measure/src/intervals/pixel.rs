@@ -78,7 +78,8 @@ impl PixelSums {
     ///
     /// `times[..known]` are the preceding spikes: the whole history, or all earlier spikes if the pixel has fired fewer
     /// times. For each lag `n`, `sums` contains the sum of the first `n` times and the sum of squared differences.
-    /// `readouts` receives the deviations of the intervals.
+    /// `readouts` receives the deviations of the intervals. Without it, the times are not readouts, and intervals are not
+    /// counted at the fences.
     pub(super) fn add_each(
         &mut self,
         times: &[u32],
@@ -103,6 +104,7 @@ impl PixelSums {
                 self.first_spikes[ordinal] = times[i];
             }
             self.spikes += 1;
+            let Some(readouts) = &mut readouts else { continue };
             if ordinal == REFERENCE_INTERVALS {
                 self.reference = times[i] - times[i - REFERENCE_INTERVALS];
                 for k in i - REFERENCE_INTERVALS + 1..=i {
@@ -111,13 +113,9 @@ impl PixelSums {
             } else if ordinal > REFERENCE_INTERVALS {
                 let interval = times[i] - times[i - 1];
                 self.count_at_fences(interval);
-                if let Some(readouts) = &mut readouts {
-                    readouts.add_deviation(times[i], interval, self.reference);
-                }
+                readouts.add_deviation(times[i], interval, self.reference);
             }
-            if ordinal <= REFERENCE_INTERVALS
-                && let Some(readouts) = &mut readouts
-            {
+            if ordinal <= REFERENCE_INTERVALS {
                 readouts.count_skipped(times[i]);
             }
         }
