@@ -2,7 +2,8 @@
 
 mod additivity;
 pub(super) mod alignment;
-pub(super) mod diagnostics;
+pub(super) mod dark_light;
+mod diagnostics;
 pub(super) mod estimate;
 pub(super) mod identifiability;
 pub(super) mod levels;
