@@ -22,6 +22,7 @@ pub mod unstable;
 mod fitter {
     mod additivity;
     pub(super) mod alignment;
+    pub(super) mod dark_light;
     pub(super) mod diagnostics;
     pub(super) mod estimate;
     pub(super) mod identifiability;

@@ -44,7 +44,8 @@ pub fn measure_stream(
 
 /// Measures the intervals of a whole stream by integrated light, in parallel bands of rows.
 ///
-/// Spike times, and therefore all results, are in ticks of `clock` instead of readouts.
+/// Spike times, and therefore all results, are in ticks of `clock` instead of readouts. The result contains no histogram and no
+/// counts of short and long intervals.
 ///
 /// # Examples
 /// ```

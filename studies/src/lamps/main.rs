@@ -32,13 +32,13 @@ struct Arguments {
 }
 
 fn arguments() -> Arguments {
-    let mut arguments = Arguments { sensors: 0..180, records: None, report: None };
+    let mut arguments = Arguments { sensors: 0..270, records: None, report: None };
     let mut all = std::env::args().skip(1);
     while let Some(arg) = all.next() {
         let value = all.next().unwrap_or_else(|| panic!("{arg} needs a value"));
         match arg.as_str() {
             "--sensors" => {
-                let (from, to) = value.split_once("..").expect("a range such as 0..180");
+                let (from, to) = value.split_once("..").expect("a range such as 0..270");
                 arguments.sensors = from.parse().expect("a number")..to.parse().expect("a number");
             }
             "--records" => arguments.records = Some(value.into()),

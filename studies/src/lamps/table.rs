@@ -31,16 +31,29 @@ pub(crate) fn table(outcomes: &[(u64, Value)]) -> String {
     row(&mut text, "the same sensors, steady light", &all, "steady");
     row(&mut text, KINDS[leak], &of_kind(leak), "changing");
     row(&mut text, "the same light leak, steady light", &of_kind(leak), "steady");
-    let shares: Vec<String> = (0..QUANTITIES.len())
-        .map(|q| {
-            let (hits, total) = coverage(&all, "changing", q);
-            format!("{} {}", QUANTITIES[q], Share { hits, total })
-        })
-        .collect();
-    writeln!(text, "\nAll of these, with the 95 % interval of each share: {}.", shares.join("; ")).unwrap();
+    summary(&mut text, "All of these", &all);
+    summary(&mut text, KINDS[leak], &of_kind(leak));
     let rejected = outcomes.iter().filter(|o| o.1["changing"].is_string()).count();
     writeln!(text, "\nRejected sets: {rejected}.").unwrap();
     text
+}
+
+/// Writes, for each quantity, the share of the intervals that contain the true value, and the pull: the root mean square of
+/// the deviations, each divided by its stated error.
+fn summary(text: &mut String, name: &str, outcomes: &[&Value]) {
+    let of_quantity = |q: usize| {
+        let (hits, total) = coverage(outcomes, "changing", q);
+        let squares = outcomes.iter().filter_map(|o| pull(o, "changing", q)).map(|z| z * z).sum::<f64>();
+        let pull = (squares / total as f64).sqrt();
+        format!("{} {}, pull {pull:.2}", QUANTITIES[q], Share { hits, total })
+    };
+    let all: Vec<String> = (0..QUANTITIES.len()).map(of_quantity).collect();
+    writeln!(text, "\n{name}, with the 95 % interval of each share and the root mean square of the deviations in stated errors (pull): {}.", all.join("; ")).unwrap();
+}
+
+/// Returns the deviation divided by the stated error, or `None` if the value is withheld.
+fn pull(outcome: &Value, light: &str, q: usize) -> Option<f64> {
+    Some(outcome[light][q][0].as_f64()? / outcome[light][q][1].as_f64()?)
 }
 
 fn row(text: &mut String, name: &str, outcomes: &[&Value], light: &str) {
@@ -60,7 +73,6 @@ fn row(text: &mut String, name: &str, outcomes: &[&Value], light: &str) {
 
 /// Returns the number of intervals that contain the true value, and the number of all intervals.
 fn coverage(outcomes: &[&Value], light: &str, q: usize) -> (usize, usize) {
-    let of = |o: &&Value| Some(o[light][q][0].as_f64()?.abs() <= 1.96 * o[light][q][1].as_f64()?);
-    let all: Vec<bool> = outcomes.iter().filter_map(of).collect();
-    (all.iter().filter(|c| **c).count(), all.len())
+    let all: Vec<f64> = outcomes.iter().filter_map(|o| pull(o, light, q)).collect();
+    (all.iter().filter(|z| z.abs() <= 1.96).count(), all.len())
 }

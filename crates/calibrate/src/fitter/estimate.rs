@@ -276,6 +276,7 @@ impl Fitter<'_> {
                 electrons.value
             ));
         }
+        self.note_dark_light();
         let is_identified = self.is_noise_sampling_identified;
         note_identifiability(&mut self.notes, self.observed, &population, self.redraw_share, is_identified);
         let levels = self.lamps(scale, shift);
@@ -296,7 +297,11 @@ impl Fitter<'_> {
             nonlinearity: bend,
             is_nonlinear: bends,
             additivity,
-            redraw_share: Estimate { value: self.redraw_share.value.clamp(0.0, 1.0), ..self.redraw_share },
+            redraw_share: Estimate {
+                value: self.redraw_share.value.clamp(0.0, 1.0),
+                error: self.redraw_share_error,
+                ..self.redraw_share
+            },
             light_field: self.shape.light_field,
             light_field_map: self.shape.field,
             class_gains: self.shape.class_gains,

@@ -3,7 +3,8 @@
 //! * `sigma`: standard deviation of the threshold noise of a nominal pixel, in thresholds.
 //! * `K`: quanta of light per spike of a nominal pixel.
 
-use super::state::Fitter;
+use super::dark_light::{DarkLightRange, DarkVariance, light_slope};
+use super::state::{Fitter, ZERO_ESTIMATE};
 use crate::formulas::phase::{interval_growth_ratio, mean_draw_ratio};
 use crate::formulas::selection::{self, redraw_end_variance};
 use crate::recordings::observations::{LightLevel, MAX_GROWTH_RATE};
@@ -15,6 +16,13 @@ use spikelane_measure::{Estimate, median, median_and_spread};
 /// Largest part of a change of the light that remains after its removal. The filter of the frame totals transmits the change
 /// without loss at low frequencies, and the dark rates of the pixels are known to a percent.
 const MAX_REMAINING_CHANGE: f64 = 0.02;
+
+/// Smallest significant difference between the shot noise of light and of dark current, in standard errors. If the standard
+/// error is correct, one choice in thirty thousand is wrong.
+const SHOT_NOISE_Z_THRESHOLD: f64 = 4.0;
+
+/// Largest plausible number of electrons per threshold, divided by that of the nominal circuit.
+const MAX_RELATIVE_ELECTRONS: f64 = 4.0;
 
 /// Returns the relative inverse variance of the interval noise of a pixel.
 ///
@@ -28,13 +36,17 @@ fn growth_precision(level: &LightLevel, p: usize) -> f64 {
 }
 
 /// The growth of the interval variance of a level, and the contributions of the noise sources to this growth.
-struct VarianceGrowth {
+pub(super) struct VarianceGrowth {
     /// Phase variance per spike, in squared thresholds of the pixel itself.
-    variance_per_spike: Estimate,
+    pub(super) variance_per_spike: Estimate,
     /// Variance per spike that `sigma^2 = 1` would cause, where `sigma` is the noise of a nominal pixel.
-    threshold_coefficient: f64,
+    pub(super) threshold_coefficient: f64,
     /// Variance per spike that `1 / K = 1` would cause.
-    light_coefficient: f64,
+    pub(super) light_coefficient: f64,
+    /// Variance per spike that light `L` in the dark recording would cause for `L / K = 1`.
+    pub(super) dark_light_coefficient: f64,
+    /// Estimate of `L / K` from the pixels of a dark level. It is 0 for a lit level.
+    pub(super) dark_light_slope: Estimate,
 }
 
 impl Fitter<'_> {
@@ -69,25 +81,33 @@ impl Fitter<'_> {
             }
         };
         let [nominal, photons] = self.nominal_quanta();
+        self.dark_light = DarkLightRange::default();
         match dark {
-            Some(VarianceGrowth { variance_per_spike: s, threshold_coefficient: threshold, .. })
-                if s.value > 0.0 =>
-            {
-                let square = s.value / threshold;
-                let quanta = excess(square, s.error / threshold);
-                let same = quanta.value < 3.0 * quanta.error;
-                if self.noise.noise_sampling == NoiseSampling::EveryReset && lit.is_empty() {
-                    self.noise.inverse_dark_quanta = 1.0 / nominal;
+            Some(dark) if dark.variance_per_spike.value > 0.0 => {
+                let square = dark.variance_per_spike.value / dark.threshold_coefficient;
+                let square_error = dark.variance_per_spike.error / dark.threshold_coefficient;
+                let quanta = excess(square, square_error);
+                let shot = 1.0 / nominal;
+                let frozen = self.noise.noise_sampling == NoiseSampling::EveryReset;
+                let reach = SHOT_NOISE_Z_THRESHOLD * quanta.error;
+                let has_quiet_dark = quanta.value > reach;
+                if frozen && !has_quiet_dark {
+                    // Without shot noise of the dark current, `quanta` would be the variance of a plausible quantum or more.
+                    let is_certain = quanta.value + reach < 1.0 / (MAX_RELATIVE_ELECTRONS * photons);
+                    let value = (square - shot).max(0.0);
+                    let above = if is_certain { 0.0 } else { square - value };
+                    self.noise.inverse_dark_quanta = shot;
                     self.assume_quanta(photons);
-                    self.bound_noise(square, s.error / threshold, 1.0 / nominal);
-                } else if self.noise.noise_sampling == NoiseSampling::EveryReset && same {
-                    self.noise.inverse_dark_quanta = 1.0 / nominal;
-                    self.assume_quanta(photons);
-                    self.set_noise((square - 1.0 / nominal).max(0.0), s.error / threshold);
+                    self.set_noise(value, square_error, [0.0, above]);
                 } else {
+                    let range = self.dark_light_range(&dark, &lit, square, quanta);
+                    self.dark_light = range;
                     self.noise.inverse_dark_quanta = 0.0;
-                    self.set_noise(square, s.error / threshold);
-                    self.set_quanta(quanta, photons);
+                    // The largest light is itself a limit of an estimate, so both parts are added in squares.
+                    let random = 1.96 * square_error;
+                    let below = range.threshold_variance.hypot(random) - random;
+                    self.set_noise(square, square_error, [below, 0.0]);
+                    self.set_quanta(quanta, range.quanta_variance, photons);
                 }
             }
             _ => self.assume_nominal_noise(&lit, photons),
@@ -123,22 +143,18 @@ impl Fitter<'_> {
         ratio_or_one(mean_draw_ratio(sigma / x, (lit * self.noise.inverse_light_quanta).sqrt() / x))
     }
 
-    /// Sets the threshold noise from the estimate of its variance. The 95 % interval of the noise covers the square roots of
-    /// both ends of the 95 % interval of the variance.
-    fn set_noise(&mut self, square: f64, error: f64) {
+    /// Sets the threshold noise from the estimate of its variance. `range` contains how far below and above the estimate the
+    /// variance can be for other reasons than its random error, such as shot noise in the dark. The 95 % interval of the
+    /// noise covers the square roots of both ends.
+    fn set_noise(&mut self, square: f64, error: f64, range: [f64; 2]) {
         self.noise.threshold_variance = square;
         let value = square.sqrt();
-        let end = |z: f64| ((square + z * error).max(0.0).sqrt() - value).abs() / 1.96;
-        let error = if error.is_nan() { f64::NAN } else { end(1.96).max(end(-1.96)) };
+        let end = |change: f64| ((square + change).max(0.0).sqrt() - value).abs() / 1.96;
+        let error = match error.is_nan() {
+            true => f64::NAN,
+            false => end(-range[0] - 1.96 * error).max(end(range[1] + 1.96 * error)),
+        };
         self.sigma_t = Estimate { value, error, samples: self.fits.len() };
-    }
-
-    /// Sets the threshold noise if the dark current may have shot noise of the variance `shot`, in squared thresholds. `square`
-    /// is the variance of both. The value assumes shot noise, and the 95 % interval of the noise covers both cases.
-    fn bound_noise(&mut self, square: f64, error: f64, shot: f64) {
-        self.set_noise((square - shot).max(0.0), error);
-        let upper = (square + 1.96 * error).max(0.0).sqrt();
-        self.sigma_t.error = self.sigma_t.error.max((upper - self.sigma_t.value) / 1.96);
     }
 
     /// Returns the electrons per threshold of the nominal circuit, and the photons at full light that cause as many
@@ -157,11 +173,13 @@ impl Fitter<'_> {
         self.electrons = Estimate { value: photons, error: f64::NAN, samples: 0 };
     }
 
-    fn set_quanta(&mut self, quanta: Estimate, nominal: f64) {
+    /// Sets the quanta of light from the variance per spike that they cause. This variance can be higher by `above` for other
+    /// reasons than its random error.
+    fn set_quanta(&mut self, quanta: Estimate, above: f64, nominal: f64) {
         if quanta.value > 3.0 * quanta.error {
             self.noise.inverse_light_quanta = quanta.value;
             let value = 1.0 / quanta.value;
-            let error = value * value * quanta.error;
+            let error = value * value * quanta.error.hypot(above / 1.96);
             self.electrons = Estimate { value, error, samples: quanta.samples };
         } else {
             self.assume_quanta(nominal);
@@ -187,6 +205,7 @@ impl Fitter<'_> {
                     ((g.variance_per_spike.value - g.light_coefficient / nominal) / g.threshold_coefficient)
                         .max(0.0),
                     f64::NAN,
+                    [0.0; 2],
                 );
             }
             None => {
@@ -215,7 +234,7 @@ impl Fitter<'_> {
         } else {
             0.5 * raw.max(1e-12)
         };
-        let (mut mean, mut unit) = (raw, 1.0);
+        let (mut mean, mut unit, mut each) = (raw, 1.0, Vec::new());
         // A dark level contains only threshold noise. Its variance is refined in each iteration, so dark levels need
         // more iterations.
         for _ in 0..if level.light == 0.0 { 8 } else { 1 } {
@@ -224,8 +243,8 @@ impl Fitter<'_> {
                 [weight(*p) * map[*p] * charge, weight(*p) * unit]
             };
             // The terms are added in the order of the pixels, so the sum does not depend on the number of threads.
-            let each: Vec<[f64; 2]> = threads::map(&good, of_pixel);
-            [mean, unit] = [0, 1].map(|i| each.iter().map(|both| both[i]).sum::<f64>() / total);
+            each = threads::map(&good, of_pixel);
+            [mean, unit] = [0, 1].map(|i| each.iter().map(|both: &[f64; 2]| both[i]).sum::<f64>() / total);
             if level.light == 0.0 {
                 square = (mean / unit).max(1e-16);
             }
@@ -234,14 +253,41 @@ impl Fitter<'_> {
         let of_light =
             |p: &usize| weight(*p) * self.light_share(*p, level, level.rate[*p]) * self.quantum(*p);
         let light = good.iter().map(of_light).sum::<f64>() / total;
+        let of_dark_light = |p: &usize| {
+            let a = self.fits[*p].a;
+            if a.is_finite() { self.quantum(*p) * a / level.rate[*p] } else { 0.0 }
+        };
+        let dark_light = good.iter().map(|p| weight(*p) * of_dark_light(p)).sum::<f64>() / total;
         let ratio = self.growth_phase_correction(level, &good, square.sqrt(), light);
+        let dark_light_slope = match level.light == 0.0 {
+            true => {
+                let of_pixel = |(p, [variance, threshold]): (&usize, &[f64; 2])| {
+                    let (weight, light) = (weight(*p), of_dark_light(p));
+                    DarkVariance {
+                        weight,
+                        variance: variance / weight / ratio,
+                        threshold: threshold / weight,
+                        light,
+                    }
+                };
+                let used = good.iter().zip(&each).filter(|(p, _)| weight(**p) > 0.0);
+                light_slope(&used.map(of_pixel).collect::<Vec<_>>())
+            }
+            false => ZERO_ESTIMATE,
+        };
         // If the rate rises linearly by the share `rise`, a span of `n` intervals has the variance `(n rise)^2 / 12`.
         let of_drift =
             square_growth(&level.interval_noise.as_ref()?.lags) / 12.0 * level.undetected_rise_variance();
         let remaining = MAX_REMAINING_CHANGE.powi(2) * level.removed_variance;
         let error = (squares.sqrt() / total / ratio).hypot(of_drift).hypot(remaining);
         let s = Estimate { value: mean / ratio, error, samples: good.len() };
-        Some(VarianceGrowth { variance_per_spike: s, threshold_coefficient: unit, light_coefficient: light })
+        Some(VarianceGrowth {
+            variance_per_spike: s,
+            threshold_coefficient: unit,
+            light_coefficient: light,
+            dark_light_coefficient: dark_light,
+            dark_light_slope,
+        })
     }
 
     /// Estimates the share of the threshold noise that is redrawn at every readout, from the variance of single dark
@@ -276,6 +322,8 @@ impl Fitter<'_> {
             growth: f64,
             /// Measured growth minus `growth`.
             growth_residual: f64,
+            /// Largest excess that a flicker of light in the dark causes.
+            flicker: f64,
         }
         let of_pixel = |p: &usize| {
             let f = level.rate[*p];
@@ -295,6 +343,7 @@ impl Fitter<'_> {
                 growth_weight: regular * growth_precision(level, *p),
                 growth,
                 growth_residual: noise.map[*p] - growth,
+                flicker: self.flicker_excess(f),
             }
         };
         let samples: Vec<Sample> = threads::map(&used, of_pixel);
@@ -311,6 +360,11 @@ impl Fitter<'_> {
         let error = sum(&|s| influence(s).powi(2)).sqrt();
         if value.is_finite() && error.is_finite() {
             self.redraw_share = Estimate { value, error, samples: samples.len() };
+            // The share is inversely proportional to the variance of the threshold noise.
+            let kept = 1.0 - self.dark_light.threshold_variance / self.noise.threshold_variance;
+            let above = value.max(0.0) * (1.0 / kept - 1.0);
+            self.redraw_flicker = sum(&|s| s.weight * s.redrawn * s.flicker) / total;
+            self.redraw_share_error = (error + above.max(self.redraw_flicker) / 1.96) / kept;
         }
     }
 

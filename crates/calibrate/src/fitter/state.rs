@@ -8,6 +8,7 @@
 //! * `psi`: rate that redrawn noise adds, divided by the variance of the noise. [`noise_rate_gain`] returns it.
 
 use super::alignment::Alignment;
+use super::dark_light::DarkLightRange;
 use crate::formulas::fit::{PixelFit, RateWeighting, correct_end_bias};
 use crate::formulas::selection::{firing_draw_variance, noise_rate_gain};
 use crate::recordings::color_filters::PixelClasses;
@@ -120,8 +121,14 @@ pub(super) struct Fitter<'a> {
     pub(super) phase_corrections: Vec<f64>,
     /// For each level, the probability that the interval noise of each pixel has no outlier. Empty without interval noise.
     pub(super) noise_weights: Vec<Vec<f64>>,
-    /// Share of the threshold noise that is redrawn at every readout.
+    /// Effect of light that the dark recording may contain.
+    pub(super) dark_light: DarkLightRange,
+    /// Share of the threshold noise that is redrawn at every readout, if the dark recording is dark.
     pub(super) redraw_share: Estimate,
+    /// Largest part of the redraw share that flicker of light in the dark recording may cause.
+    pub(super) redraw_flicker: f64,
+    /// Error of the redraw share that includes light in the dark recording.
+    pub(super) redraw_share_error: f64,
     pub(super) sigma_t: Estimate,
     pub(super) electrons: Estimate,
     pub(super) notes: Vec<String>,
@@ -177,7 +184,10 @@ impl<'a> Fitter<'a> {
             is_noise_sampling_identified: options.noise_sampling.is_some(),
             phase_corrections: vec![1.0; observed.levels.len()],
             noise_weights: observed.levels.iter().map(LightLevel::interval_weights).collect(),
+            dark_light: DarkLightRange::default(),
             redraw_share: Estimate { value: f64::NAN, error: f64::INFINITY, samples: 0 },
+            redraw_flicker: 0.0,
+            redraw_share_error: f64::INFINITY,
             sigma_t: ZERO_ESTIMATE,
             electrons: ZERO_ESTIMATE,
             notes: Vec::new(),

@@ -98,3 +98,24 @@ fn flicker_in_the_dark_is_reported_and_its_noise_is_not_used() {
     assert!(calibration.sigma_t.error.is_nan(), "{:?}", calibration.sigma_t);
     assert!(calibration.cautions().iter().any(|c| c.contains("light reaches the sensor")));
 }
+
+/// The dark current has no shot noise. Light of 0.001 in all recordings causes a sixth of the dark rate, and its shot noise is six
+/// times the variance of the threshold noise. The light is within the limits that the pixels set, so the intervals cover it.
+#[test]
+fn the_noise_covers_shot_noise_of_light_in_the_dark() {
+    let noise = Noise {
+        dark: 0.0055,
+        dark_sd: 0.0011,
+        sigma_t: 0.0008,
+        photons: 4e4,
+        dark_electrons: f64::INFINITY,
+        ..PHYSICAL_NOISE
+    };
+    for leak in [0.0, 0.001] {
+        let calibration = calibrated(&noise, &[0.0, 0.03, 0.1, 0.5], leak, |_, _| 1.0);
+        let (sigma, electrons) = (calibration.sigma_t, calibration.photons_at_full_light);
+        assert!((sigma.value - noise.sigma_t).abs() < 1.96 * sigma.error, "{leak}: {sigma:?}");
+        assert!((electrons.value - noise.photons).abs() < 1.96 * electrons.error, "{leak}: {electrons:?}");
+        assert!(calibration.notes.iter().any(|n| n.contains("may contain light")), "{leak}");
+    }
+}

@@ -250,8 +250,11 @@ impl IntervalAccumulator {
         for open in self.open_parts.iter_mut().flatten() {
             open.add_exact(p, pixel.spikes, times, known);
         }
-        pixel.add_each(times, known, lags, sums);
-        for k in known.max(1)..times.len() {
+        // Times of a clock are not readouts, so their lengths are not counted.
+        let in_readouts = self.clock.is_none();
+        pixel.add_each(times, known, lags, sums, in_readouts);
+        let counted = if in_readouts { known.max(1)..times.len() } else { 0..0 };
+        for k in counted {
             self.tally.add(k, times[k] - times[k - 1]);
         }
         let kept_count = times.len().min(self.depth);

@@ -79,7 +79,15 @@ impl PixelSums {
     ///
     /// `times[..known]` are the preceding spikes: the whole history, or all earlier spikes if the pixel has fired fewer
     /// times. For each lag `n`, `sums` contains the sum of the first `n` times and the sum of squared differences.
-    pub(super) fn add_each(&mut self, times: &[u32], known: usize, lags: &[u32], sums: &mut [[u64; 2]]) {
+    /// If `in_readouts` is false, the times are not readouts, and intervals are not counted at the fences.
+    pub(super) fn add_each(
+        &mut self,
+        times: &[u32],
+        known: usize,
+        lags: &[u32],
+        sums: &mut [[u64; 2]],
+        in_readouts: bool,
+    ) {
         for i in known..times.len() {
             for (lag, sum) in lags.iter().zip(sums.iter_mut()) {
                 match i.checked_sub(*lag as usize) {
@@ -96,6 +104,9 @@ impl PixelSums {
                 self.first_spikes[ordinal] = times[i];
             }
             self.spikes += 1;
+            if !in_readouts {
+                continue;
+            }
             if ordinal == REFERENCE_INTERVALS {
                 self.reference = times[i] - times[i - REFERENCE_INTERVALS];
                 for k in i - REFERENCE_INTERVALS + 1..=i {
