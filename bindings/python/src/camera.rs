@@ -418,19 +418,10 @@ impl Camera {
         let camera = self.camera();
         let geometry = camera.sensor_geometry();
         let shape = [geometry.height(), geometry.width()];
-        let maps = &camera.maps;
-        let all = [
-            ("gain", &maps.gain),
-            ("dark_pa", &maps.dark_pa),
-            ("capacitance_ff", &maps.capacitance_ff),
-            ("swing_v", &maps.swing_v),
-        ];
         let dict = PyDict::new(py);
-        for (name, map) in all {
-            if let Some(map) = map {
-                let array: Bound<'_, PyArrayDyn<f64>> = arrays::array_from_vec(py, map.clone(), &shape)?;
-                dict.set_item(name, array)?;
-            }
+        for (name, map) in self.present_maps() {
+            let array: Bound<'_, PyArrayDyn<f64>> = arrays::array_from_vec(py, map.clone(), &shape)?;
+            dict.set_item(name, array)?;
         }
         Ok(dict)
     }
@@ -535,8 +526,8 @@ impl Camera {
 }
 
 impl Camera {
-    /// Returns the names of the measured maps.
-    fn map_names(&self) -> Vec<&'static str> {
+    /// Returns the maps that the camera has, with their names.
+    fn present_maps(&self) -> impl Iterator<Item = (&'static str, &Vec<f64>)> {
         let maps = &self.camera().maps;
         let all = [
             ("gain", &maps.gain),
@@ -544,7 +535,11 @@ impl Camera {
             ("capacitance_ff", &maps.capacitance_ff),
             ("swing_v", &maps.swing_v),
         ];
-        all.iter().filter(|(_, map)| map.is_some()).map(|(name, _)| *name).collect()
+        all.into_iter().filter_map(|(name, map)| Some((name, map.as_ref()?)))
+    }
+
+    fn map_names(&self) -> Vec<&'static str> {
+        self.present_maps().map(|(name, _)| name).collect()
     }
 }
 

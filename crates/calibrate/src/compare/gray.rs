@@ -3,6 +3,7 @@
 use serde::Serialize;
 use spikelane::SimulatorOptions;
 
+use super::measure_simulation;
 use super::measured_filters::MeasuredFilters;
 use crate::{ProgressCallback, RecordedCamera, RecordingSet};
 use spikelane::effects::Camera;
@@ -278,17 +279,9 @@ fn simulate(
         let mut simulator =
             SimulatorOptions::new().seeds(seeds).threads(threads::thread_count()).build(&camera)?;
         let samples: Vec<f32> = pixel_light.iter().map(|share| share * *light as f32).collect();
-        let mut accumulator = Accumulator::new(geometry, &measure_options(chosen.contains(&k), *readouts))?;
-        let mut bits = inputs::zeroed_vec("simulated readouts", 496 * geometry.frame_bytes())?;
-        let mut left = *readouts;
-        while left > 0 {
-            let now = left.min(496);
-            let out = &mut bits[..now * geometry.frame_bytes()];
-            simulator.fill(&samples, out)?;
-            accumulator.push(SpikeFramesRef::new(geometry, out)?)?;
-            left -= now;
-        }
-        pass.add(&accumulator.finish(), filters);
+        let options = measure_options(chosen.contains(&k), *readouts);
+        let statistics = measure_simulation(&mut simulator, &samples, *readouts, &options)?;
+        pass.add(&statistics, filters);
     }
     Ok(pass)
 }

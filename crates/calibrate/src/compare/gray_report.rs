@@ -1,6 +1,7 @@
 //! The HTML report of a comparison at gray levels.
 
 use super::gray::{CameraDistance, GrayComparison};
+use super::smallest;
 use spikelane::error::Result;
 use spikelane_measure::report::{
     Cell, PageElement, Plot, RankedRow, Report, ReportState, RunRecord, Table, ranked_bars, without_error,
@@ -88,8 +89,11 @@ impl GrayComparison {
         ));
         report.extend((0..self.histogram_lights.len()).map(|i| self.histogram_figure(i)));
         report.push_table(self.distance_table());
-        report.push_table(self.response_table());
-        (0..self.channels.len()).for_each(|channel| report.push_table(self.channel_table(channel)));
+        report.push_table(self.rate_table("Mean rates", |c, i| c.response.get(i).copied()));
+        for (channel, name) in self.channels.iter().enumerate() {
+            let rate = |c: &CameraDistance, i: usize| c.channel_response.get(channel)?.get(i).copied();
+            report.push_table(self.rate_table(&format!("Mean rates of the channel {name}"), rate));
+        }
         self.recorded_camera.iter().for_each(|camera| report.push_table(camera.table()));
         Ok(report.html(run))
     }
@@ -108,25 +112,13 @@ impl GrayComparison {
         plot.figure("The light of each level is a fraction of the light that gives one spike per readout.")
     }
 
-    fn response_table(&self) -> Table {
+    /// Returns the rates of all cameras at each light level. `rate` returns the rate of a camera at a level.
+    fn rate_table(&self, title: &str, rate: impl Fn(&CameraDistance, usize) -> Option<f64>) -> Table {
         let header: Vec<&str> =
             std::iter::once("light").chain(self.all_cameras().map(|c| c.name.as_str())).collect();
-        let mut table = Table::new("Mean rates, spikes per readout", &header);
+        let mut table = Table::new(format!("{title}, spikes per readout"), &header);
         for (i, light) in self.lights.iter().enumerate() {
-            let rates = self.all_cameras().filter_map(|c| c.response.get(i)).map(|r| Cell::value(*r, ""));
-            table.push_row(std::iter::once(Cell::value(*light, "")).chain(rates));
-        }
-        table
-    }
-
-    fn channel_table(&self, channel: usize) -> Table {
-        let header: Vec<&str> =
-            std::iter::once("light").chain(self.all_cameras().map(|c| c.name.as_str())).collect();
-        let title = format!("Mean rates of the channel {}, spikes per readout", self.channels[channel]);
-        let mut table = Table::new(title, &header);
-        for (i, light) in self.lights.iter().enumerate() {
-            let rate = |c: &CameraDistance| c.channel_response.get(channel)?.get(i).copied();
-            let rates = self.all_cameras().filter_map(rate).map(|r| Cell::value(r, ""));
+            let rates = self.all_cameras().filter_map(|c| rate(c, i)).map(|r| Cell::value(r, ""));
             table.push_row(std::iter::once(Cell::value(*light, "")).chain(rates));
         }
         table
@@ -141,14 +133,9 @@ impl GrayComparison {
         let mut table = Table::new("Distances", &head.iter().map(String::as_str).collect::<Vec<_>>()).open().with_note(
             "Response: root mean square difference of the mean rates over the levels. Intervals: half the sum of the absolute differences of the shares of all lengths, from 0 (equal) to 1 (disjoint).",
         );
-        let best = |i: usize| {
-            self.models
-                .iter()
-                .filter_map(|m| m.histogram_distance.get(i))
-                .copied()
-                .fold(f64::INFINITY, f64::min)
-        };
-        let best_response = self.models.iter().map(|m| m.response_distance).fold(f64::INFINITY, f64::min);
+        let best =
+            |i: usize| smallest(self.models.iter().filter_map(|m| m.histogram_distance.get(i).copied()));
+        let best_response = smallest(self.models.iter().map(|m| m.response_distance));
         let mut row = |name: &str, response: f64, histograms: &[f64], is_model: bool| {
             let cells = histograms
                 .iter()

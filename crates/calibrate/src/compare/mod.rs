@@ -25,9 +25,13 @@ pub use row_bands::RowBand;
 pub use scene::{SceneChannel, SceneComparison, compare_static_scene};
 pub use scene_statistics::SceneStatistics;
 
+use spikelane::Simulator;
 use spikelane::error::Result;
-use spikelane::spikes::Geometry;
+use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::inputs;
+use spikelane_measure::{Accumulator, MeasureOptions, Statistics};
+
+use crate::recordings::protocol::BATCH_READOUTS;
 
 /// Presets of the models that the SCSim paper compares, and the preset of this library's own model.
 pub const DEFAULT_MODELS: [&str; 6] =
@@ -42,4 +46,26 @@ fn check_comparison_memory(geometry: Geometry) -> Result<()> {
         format_args!("comparison of {geometry} pixels"),
         MAX_BYTES_PER_PIXEL * geometry.pixels(),
     )
+}
+
+/// Measures the next `readouts` readouts of `simulator`. `samples` has the constant light of each pixel.
+fn measure_simulation(
+    simulator: &mut Simulator,
+    samples: &[f32],
+    readouts: usize,
+    options: &MeasureOptions,
+) -> Result<Statistics> {
+    let geometry = simulator.plan().geometry();
+    let mut accumulator = Accumulator::new(geometry, options)?;
+    let mut bits = inputs::zeroed_vec("simulated readouts", BATCH_READOUTS * geometry.frame_bytes())?;
+    for first in (0..readouts).step_by(BATCH_READOUTS) {
+        let out = &mut bits[..BATCH_READOUTS.min(readouts - first) * geometry.frame_bytes()];
+        simulator.fill(samples, out)?;
+        accumulator.push(SpikeFramesRef::new(geometry, out)?)?;
+    }
+    Ok(accumulator.finish())
+}
+
+fn smallest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(f64::INFINITY, f64::min)
 }

@@ -5,19 +5,18 @@ use serde::Serialize;
 use super::row_bands::{RowBand, RowBands};
 use super::scene_statistics::{SceneStatistics, VARIANCE_LAGS, distance_terms, log_ratio, scene_statistics};
 use super::steady_pixels::{SURROUNDING_RADIUS_PX, steady_pixels};
-use crate::compare::check_comparison_memory;
+use super::{check_comparison_memory, measure_simulation};
 use crate::recordings::color_filters::{ColorFilters, PixelClasses};
-use crate::recordings::protocol::BATCH_READOUTS;
 use spikelane::effects::{Camera, Maps};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::sensor::{Channel, Mosaic};
-use spikelane::spikes::{Geometry, SpikeFramesRef};
+use spikelane::spikes::Geometry;
 use spikelane::unstable::draws::Seeds;
 use spikelane::unstable::inputs;
 use spikelane_io::formats::StreamReader;
 use spikelane_io::simulate::Simulator;
 use spikelane_measure::{
-    Accumulator, Estimate, MeasureOptions, Statistics, detect_mosaic, measure_stream, select_uniform,
+    Estimate, MeasureOptions, Statistics, detect_mosaic, measure_stream, select_uniform,
 };
 
 /// Number of readouts that are simulated and discarded before the measured readouts.
@@ -238,16 +237,7 @@ fn simulate_at_rates(
     let mut simulator = Simulator::new(&flat, seeds)?;
     // In some models all pixels start in phase and lose the common phase only after some readouts. A real camera has
     // lost the common phase before a recording starts, so the first simulated readouts are discarded.
-    let mut bits = inputs::zeroed_vec("simulated readouts", BATCH_READOUTS * geometry.frame_bytes())?;
-    simulator.fill(&samples, &mut bits[..LEAD_READOUTS * geometry.frame_bytes()])?;
-    let mut accumulator = Accumulator::new(geometry, options)?;
-    let mut left = readouts;
-    while left > 0 {
-        let now = left.min(BATCH_READOUTS);
-        let out = &mut bits[..now * geometry.frame_bytes()];
-        simulator.fill(&samples, out)?;
-        accumulator.push(SpikeFramesRef::new(geometry, out)?)?;
-        left -= now;
-    }
-    Ok(accumulator.finish())
+    let mut lead = inputs::zeroed_vec("simulated readouts", LEAD_READOUTS * geometry.frame_bytes())?;
+    simulator.fill(&samples, &mut lead)?;
+    measure_simulation(&mut simulator, &samples, readouts, options)
 }

@@ -2,6 +2,7 @@
 
 use super::scene::{SceneChannel, SceneComparison};
 use super::scene_statistics::{SceneStatistics, VARIANCE_LAGS};
+use super::smallest;
 use spikelane::error::Result;
 use spikelane_measure::report::{
     Cell, PageElement, Plot, PlotPoint, RankedRow, Report, ReportState, RunRecord, Table, heat_map,
@@ -92,9 +93,7 @@ impl SceneComparison {
         let mut table = Table::new("Distances", &header).open().with_note(
             "Models are ranked by the sum over D(1), D(8) and the outliers. The sum over D(16), D(24) and D(32) does not affect the rank. This sum includes slow noise, which the models lack, and a model with too much fast noise can have the same sum.",
         );
-        let best = |value: &dyn Fn(&SceneStatistics) -> f64| {
-            self.models.iter().map(value).fold(f64::INFINITY, f64::min)
-        };
+        let best = |value: &dyn Fn(&SceneStatistics) -> f64| smallest(self.models.iter().map(value));
         let sum = best(&|m| m.distance);
         let terms: Vec<f64> = (0..3).map(|i| best(&|m| m.distance_terms[i])).collect();
         for row in &self.models {

@@ -28,9 +28,7 @@ pub(super) use movie::{MOVIE_EXTENSIONS, MovieFormat, MovieWriter};
 pub(super) use outputs::{
     OutputNames, OutputStem, ReportFiles, append_ending, claim_files, claim_folder, replace_between_markers,
 };
-pub(super) use progress::{
-    CountProgress, FileProgress, StopSignal, remaining_text, run_interruptible, stop_flag,
-};
+pub(super) use progress::{CountProgress, FileProgress, StopSignal, run_interruptible, stop_flag};
 pub(super) use standard_streams::{StreamOutput, is_dash, refuse_dash, refuse_json};
 pub(super) use stream::{
     OpenedStream, StreamArgs, count_spikes, file_name, parse_size, print_set_warnings, sidecar_beside,

@@ -202,17 +202,28 @@ impl FileProgress {
     /// Displays that the share `share` (0 to 1) of all work is complete, and that `file` is processed next.
     pub(crate) fn update(&mut self, file: &str, share: f64) {
         let percent = (share * 100.0) as u64;
-        self.bar.set_message(format!(
-            "{percent} %{}, {}",
-            remaining_text(share, self.start.elapsed()),
-            printable(file)
-        ));
-        self.bar.set_position((share * 1000.0) as u64);
-        if self.last_event.elapsed() >= EVENT_INTERVAL {
-            self.last_event = Instant::now();
+        if self.show(share, |left| format!("{percent} %{left}, {}", printable(file))) {
             // If standard output cannot be written, the work still continues.
             let _ = self.out.print_event(&json!({"event": "progress", "file": file, "share": share}));
         }
+    }
+
+    /// Displays the share of all work that is complete, with the text for the remaining time. Returns whether an event is
+    /// due.
+    pub(crate) fn show(&mut self, share: f64, text: impl FnOnce(String) -> String) -> bool {
+        self.bar.set_message(text(remaining_text(share, self.start.elapsed())));
+        self.bar.set_position((share * 1000.0) as u64);
+        let is_due = self.last_event.elapsed() >= EVENT_INTERVAL;
+        if is_due {
+            self.last_event = Instant::now();
+        }
+        is_due
+    }
+
+    /// Removes the bar from the terminal. The next share displays it again.
+    pub(crate) fn clear(&self) {
+        self.bar.finish_and_clear();
+        self.bar.reset();
     }
 }
 
@@ -243,7 +254,7 @@ fn progress_text(done: u64, total: Option<u64>, unit: &str, elapsed: Duration) -
 
 /// Returns a text such as ", 3 s left". `share` of the work was completed in the time `elapsed`. The text is empty until a
 /// rate is known.
-pub(crate) fn remaining_text(share: f64, elapsed: Duration) -> String {
+fn remaining_text(share: f64, elapsed: Duration) -> String {
     if share <= 0.0 || elapsed < EVENT_INTERVAL {
         return String::new();
     }

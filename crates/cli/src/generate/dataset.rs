@@ -96,7 +96,7 @@ fn generate(args: &Args, out: &Console) -> Result<()> {
     }
     let mut watcher = DatasetProgress::new(out)?;
     let report = dataset::generate(&options, &mut |p| watcher.update(p));
-    watcher.bar.finish_and_clear();
+    watcher.bar.clear();
     print_report(&options, &report?, out)
 }
 

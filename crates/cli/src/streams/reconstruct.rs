@@ -23,7 +23,7 @@ use spikelane::unstable::threads;
 
 mod sinks;
 
-use sinks::{FileSink, FolderSink, GrayScale, MovieSink, NpySink, PictureSink, StdoutSink};
+use sinks::{PictureSink, Target, create_array};
 
 /// Number of pictures that a thread reconstructs per batch. The pictures of a batch are written when it is complete.
 const BATCH_PICTURES: usize = 4;
@@ -152,27 +152,21 @@ impl Args {
     /// Returns the picture at a readout. The second value is whether the stream is long enough before and after the readout.
     fn reconstruct_at(&self, reader: &StreamReader, at: usize) -> Result<(Vec<f32>, bool)> {
         let half = self.half_window();
-        let around = || reader.read_around(at, half);
-        match self.method {
-            Method::Tfp => {
-                let (frames, center) = around()?;
-                Ok((tfp(frames.view(), center, half)?, true))
-            }
-            Method::Span => {
-                let (frames, center) = around()?;
-                Ok((span_rates(frames.view(), center, half)?, true))
-            }
-            Method::Tfi => {
-                let tfi = reader.tfi(at, half)?;
-                let is_complete = tfi.is_measurable();
-                Ok((tfi.rates, is_complete))
-            }
-            Method::Isi => {
-                let (frames, center) = around()?;
-                let lengths = isi_map(frames.view(), center)?.into_iter().map(|n| n as f32).collect();
-                Ok((lengths, tfi_with_open_pixels(frames.view(), center, half)?.is_measurable()))
-            }
+        if self.method == Method::Tfi {
+            let tfi = reader.tfi(at, half)?;
+            let is_complete = tfi.is_measurable();
+            return Ok((tfi.rates, is_complete));
         }
+        let (frames, center) = reader.read_around(at, half)?;
+        let view = frames.view();
+        Ok(match self.method {
+            Method::Tfp => (tfp(view, center, half)?, true),
+            Method::Span => (span_rates(view, center, half)?, true),
+            Method::Tfi | Method::Isi => {
+                let lengths = isi_map(view, center)?.into_iter().map(|n| n as f32).collect();
+                (lengths, tfi_with_open_pixels(view, center, half)?.is_measurable())
+            }
+        })
     }
 
     /// Returns the conversion to color, or `None` for gray pictures. `first` contains the rates of the first picture.
@@ -379,32 +373,23 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         out.print_message(format_args!("color of the mosaic {}, demosaicing {}", color.mosaic, color.method));
     }
     let white = args.white.unwrap_or_else(|| white_rate(&first.0));
-    let shown = GrayScale { white, geometry: reader.geometry() };
-    let mut sink: Box<dyn PictureSink> = match target {
-        OutputKind::Stdout => Box::new(StdoutSink { format: args.bits, gray_scale: shown }),
-        OutputKind::Picture(format) => {
-            Box::new(FileSink { path: args.output.clone(), force: args.force, format, gray_scale: shown })
+    let (path, force) = (&args.output, args.force);
+    let (format, target) = match target {
+        OutputKind::Stdout => (args.bits, Target::Stdout),
+        OutputKind::Picture(format) => (format, Target::File),
+        OutputKind::Folder => (args.bits, Target::Folder),
+        OutputKind::Npy => {
+            let channels = if color.is_some() { 3 } else { 1 };
+            let pictures = many.then_some(moments.len());
+            (args.bits, Target::Npy(create_array(path, force, geometry, channels, pictures)?))
         }
-        OutputKind::Folder => Box::new(FolderSink {
-            path: args.output.clone(),
-            force: args.force,
-            format: args.bits,
-            gray_scale: shown,
-        }),
-        OutputKind::Npy => Box::new(NpySink::new(
-            &args.output,
-            args.force,
-            reader.geometry(),
-            if color.is_some() { 3 } else { 1 },
-            many.then_some(moments.len()),
-        )?),
         OutputKind::Movie(format) => {
             let fps = f64::from(args.fps);
-            let movie =
-                MovieWriter::create(&args.output, format, geometry, color.is_some(), fps, args.force)?;
-            Box::new(MovieSink { movie, format, gray_scale: shown })
+            let movie = MovieWriter::create(path, format, geometry, color.is_some(), fps, force)?;
+            (args.bits, Target::Movie(format, movie))
         }
     };
+    let mut sink = PictureSink { path, force, format, white, geometry, target };
     let mut progress = CountProgress::new(out, stop_flag()?);
     let mut cut = Vec::new();
     let mut done = 0;

@@ -1,5 +1,6 @@
 //! The HTML report of a comparison with the windows of a recording.
 
+use super::super::smallest;
 use super::recording_statistics::{DARK_QUANTILES, VARIANCE_LAGS, format_variance};
 use super::{Auc, RealismComparison, RealismRow};
 use spikelane::error::Result;
@@ -132,7 +133,7 @@ impl RealismComparison {
         let mut table = Table::new("Cameras", &header).open().with_note(
             "Distinguishability: probability that a real window scores above a simulated one, with a 95 % interval over places. At 0.5, the windows of the simulated camera cannot be distinguished from real windows. Noise floor: the distinguishability between recordings of one simulated camera.",
         );
-        let smallest = self.cameras.iter().map(|c| c.auc.value).fold(f64::INFINITY, f64::min);
+        let smallest = smallest(self.cameras.iter().map(|c| c.auc.value));
         for row in &self.cameras {
             let feature_text =
                 row.features.first().map_or(String::new(), |t| format!("{} ({:.2})", t.name, t.auc));

@@ -83,8 +83,7 @@ fn run_shard(
     let result = watcher
         .check_stop()
         .and_then(|()| shards::generate_shard(plan, shard, shard_options, &mut |p| watcher.update(p)));
-    watcher.bar.finish_and_clear();
-    watcher.bar.reset();
+    watcher.bar.clear();
     let report = result.map_err(|e| match e.kind() {
         ErrorKind::Interrupted => Error::new(ErrorKind::Requeue, "stopped on request")
             .remedy("finished sequences are kept; run the same command again"),
