@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::InputFile;
+use spikelane::unstable::inputs::{InputFile, utf8_bytes};
 
 /// Maximum size in bytes of the `labels.json` of a sequence.
 pub(super) const MAX_LABEL_BYTES: u64 = 256 << 20;
@@ -53,7 +53,7 @@ struct LabelFile {
 /// Reads the labeled readouts from the `labels.json` of a sequence.
 pub(super) fn read(file: &InputFile) -> Result<Vec<LabeledFrame>> {
     let text = file.read_all("labels", MAX_LABEL_BYTES)?;
-    let read: LabelFile = serde_json::from_slice(&text)
+    let read: LabelFile = serde_json::from_slice(&utf8_bytes(&text))
         .map_err(|e| Error::new(ErrorKind::Corrupt, file.path().display()).found(e))?;
     Ok(read.frames)
 }

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
+use spikelane::unstable::inputs::deserialize_digest;
 use spikelane::unstable::light::srgb_byte;
 use spikelane::unstable::npy::{self, Element};
 
@@ -172,5 +173,6 @@ pub struct ImageFile {
     /// The number of the readout whose light the image shows, counted from 0.
     pub readout: u64,
     /// Digest of all bytes of the file, as `blake3:<hex>`.
+    #[serde(deserialize_with = "deserialize_digest")]
     pub digest: String,
 }
