@@ -29,17 +29,6 @@ const KNOWN_CIRCLES: &[(&str, &[&str])] = &[
     ("crates/cli/src", &["benchmark/run.rs", "benchmark/score.rs"]),
     ("crates/cli/src", &["check/frames.rs", "check/peer.rs"]),
     ("crates/dataset/src", &["exporters/loader_links.rs", "exporters/ssl_csc.rs"]),
-    (
-        "crates/io/src",
-        &[
-            "light/images/image_file.rs",
-            "light/images/page_timing.rs",
-            "light/images/png_chunks.rs",
-            "light/images/webp_chunks.rs",
-            "light/timestamps.rs",
-        ],
-    ),
-    ("crates/io/src", &["light/images/encoding.rs", "light/images/linearization.rs"]),
     ("crates/scene/src", &["optics/exposure.rs", "options.rs", "rendering/frame.rs", "world.rs"]),
     (
         "src",

@@ -8,6 +8,7 @@ use crate::common::progress::{CountProgress, stop_flag};
 use serde_json::json;
 use spikelane::reconstruct::DetailReference;
 use spikelane::unstable::Count;
+use spikelane::unstable::inputs::{Access, check_link};
 use spikelane::unstable::threads;
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::StreamReader;
@@ -104,7 +105,7 @@ fn evaluation_points(
             .found("a folder of reference images and --at or --every")
             .expected("only the folder: the names of the images select the readouts"));
     }
-    reference_points(folder, reader)
+    reference_points(folder, reader, Access::for_reading(args.follow_links))
 }
 
 /// Returns the readouts and paths of the reference images in `folder` whose windows are inside the stream.
@@ -118,7 +119,7 @@ pub(super) fn folder_points(
 }
 
 /// Returns the images in a folder, sorted by readout. The file name of an image is the number of its readout.
-fn reference_points(folder: &Path, reader: &StreamReader) -> Result<Vec<EvaluationPoint>> {
+fn reference_points(folder: &Path, reader: &StreamReader, access: Access) -> Result<Vec<EvaluationPoint>> {
     let wrong = |found: String| {
         Error::new(ErrorKind::Input, folder.display()).found(found).expected(
             "images named by their readouts, such as 000100.png, as written by `simulate --images-every`",
@@ -129,6 +130,7 @@ fn reference_points(folder: &Path, reader: &StreamReader) -> Result<Vec<Evaluati
         let path = entry.map_err(|e| Error::io(folder.display(), e))?.path();
         let name = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
         if let Ok(at) = name.parse::<usize>() {
+            check_link(folder, &path, access)?;
             all.push(EvaluationPoint { at, reference_path: Some(path) });
         }
     }
