@@ -129,8 +129,9 @@ fn check_values(param: &Param) -> Result<()> {
     if tried.values.iter().all(inside) && low.is_finite() && high.is_finite() {
         return Ok(());
     }
+    let values: Vec<String> = tried.values.iter().map(f64::to_string).collect();
     Err(Error::new(ErrorKind::Config, "search range")
-        .found(format_args!("{:?} in {low} to {high}", tried.values))
+        .found(format_args!("{} in {low} to {high}", values.join(", ")))
         .expected(format_args!("values in a finite range, within {}", param.range())))
 }
 

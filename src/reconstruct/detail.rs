@@ -112,8 +112,10 @@ impl DetailReference {
         {
             return Err(Error::new(ErrorKind::Usage, "readouts outside the window of the image")
                 .found(format_args!(
-                    "{}, of which readouts {used_readouts:?} are in the window",
+                    "{}, of which readouts {} to {} are in the window",
                     Count(all, "readout"),
+                    used_readouts.start,
+                    used_readouts.end.saturating_sub(1),
                 ))
                 .expected(format_args!(
                     "at least {} before and after the window",
@@ -321,7 +323,7 @@ fn check(picture: &[f32], reference: &DetailReference, geometry: Geometry) -> Re
     let counted = reference.mask.as_ref().is_none_or(|c| c.len() == geometry.pixels());
     if sizes != [geometry.pixels(); 3] || !counted || geometry.width() < 8 || geometry.height() < 8 {
         return Err(Error::new(ErrorKind::Usage, "image and reference")
-            .found(format_args!("{sizes:?} values for {geometry} pixels"))
+            .found(format_args!("{} values for {geometry} pixels", sizes.map(|n| n.to_string()).join(", ")))
             .expected("the same size, at least 8x8 pixels"));
     }
     if interior_pixels(geometry, reference.mask.as_deref()).len() < 32 {

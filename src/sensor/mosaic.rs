@@ -174,8 +174,9 @@ impl Mosaic {
     fn validate(self) -> Result<Self> {
         for channel in &self.channels {
             if !channel.weights().iter().all(|w| w.is_finite()) || channel.white() <= 0.0 {
+                let weights = channel.weights().map(|weight| weight.to_string());
                 return Err(Error::new(ErrorKind::Config, "response")
-                    .found(format_args!("{:?} for the channel {}", channel.weights(), channel.name))
+                    .found(format_args!("{} for the channel {}", weights.join(", "), channel.name))
                     .expected("finite weights of red, green and blue whose sum is positive"));
             }
         }

@@ -68,7 +68,7 @@ impl ColorMatrix {
         let channels = mosaic.channels();
         if white.len() != channels.len() || !white.iter().all(|w| w.is_finite() && *w > 0.0) {
             return Err(Error::new(ErrorKind::Config, "white balance")
-                .found(format_args!("{white:?}"))
+                .found(white.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))
                 .expected(format_args!("{} positive numbers, one per channel of {mosaic}", channels.len())));
         }
         let row = |name: char| -> Result<Vec<f64>> {

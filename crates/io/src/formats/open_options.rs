@@ -313,9 +313,9 @@ impl ReaderBuilder<'_> {
             return Err(Error::new(ErrorKind::Input, &self.name)
                 .found(format_args!("{} after the header", Count(data, "byte")))
                 .expected(format_args!(
-                    "{}, at least one frame, for the shape {:?} in the header",
+                    "{}, at least one frame, for the shape {} in the header",
                     Count(claims, "byte"),
-                    array.shape,
+                    npy::shape_text(&array.shape),
                 ))
                 .remedy("the file is truncated or still being written"));
         }
@@ -352,8 +352,9 @@ impl ReaderBuilder<'_> {
                     Count(source.len() - array.data_offset_bytes, "byte"),
                 ))
                 .expected(format_args!(
-                    "as many bytes as the shape {:?} of {} requires",
-                    array.shape, array.element
+                    "as many bytes as the shape {} of {} requires",
+                    npy::shape_text(&array.shape),
+                    array.element
                 ))
                 .remedy("the file is truncated or still being written"));
         }

@@ -7,7 +7,7 @@ use super::ArrayHeader;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::{Geometry, set_bit};
 use spikelane::unstable::inputs;
-use spikelane::unstable::npy::Element;
+use spikelane::unstable::npy::{self, Element};
 
 /// Size limit of the packed stream.
 const MAX_PACKED_BYTES: u64 = 1 << 30;
@@ -70,13 +70,13 @@ pub(crate) fn pack(
 ) -> Result<PackedStream> {
     let (readouts, geometry) = axes.readouts_and_geometry(array.shape).ok_or_else(|| {
         Error::new(ErrorKind::Input, name)
-            .found(format_args!("shape {:?}", array.shape))
+            .found(format_args!("shape {}", npy::shape_text(&array.shape)))
             .expected(format_args!("{} with frames of 1 to 2^28 pixels", axes.name()))
     })?;
     let size = geometry.frame_bytes();
     if (size as u64).checked_mul(readouts).is_none_or(|n| n > MAX_PACKED_BYTES) {
         return Err(Error::new(ErrorKind::Input, name)
-            .found(format_args!("an array {:?}", array.shape))
+            .found(format_args!("an array {}", npy::shape_text(&array.shape)))
             .expected("at most 1 GiB of packed frames, because the whole array must fit in memory")
             .remedy("save the array as .npy, which is read frame by frame: numpy.ascontiguousarray(a, numpy.uint8) with axes (T, H, W)"));
     }

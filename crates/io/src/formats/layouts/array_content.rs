@@ -92,6 +92,6 @@ fn wrong_size_error(name: &str, array: &ArrayHeader, wanted: Geometry) -> Error 
 
 fn no_frames_error(name: &str, array: &ArrayHeader) -> Error {
     Error::new(ErrorKind::Input, name)
-        .found(format_args!("shape {:?}", array.shape))
+        .found(format_args!("shape {}", npy::shape_text(&array.shape)))
         .expected("at least one frame of 1 to 2^28 pixels")
 }

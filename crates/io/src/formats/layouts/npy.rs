@@ -39,7 +39,7 @@ pub(crate) fn parse(name: &str, bytes: &[u8]) -> Result<ArrayHeader> {
 pub(crate) fn array_header(name: &str, header: &Header) -> Result<ArrayHeader> {
     let shape = to_three_axes(&header.shape).ok_or_else(|| {
         Error::new(ErrorKind::Input, name)
-            .found(format_args!("shape {:?}", header.shape))
+            .found(format_args!("shape {}", npy::shape_text(&header.shape)))
             .expected("an array with axes (T, H, W), or with four axes of which one is a channel of length 1")
             .remedy("save a.reshape(T, H, W)")
     })?;
@@ -71,7 +71,7 @@ pub(crate) fn geometry_error(name: &str, found: Geometry, wanted: Geometry) -> E
 /// Returns the error for a shape that does not contain frames of geometry `wanted` in any axis order.
 pub(crate) fn axis_order_error(name: &str, shape: [u64; 3], wanted: Geometry) -> Error {
     Error::new(ErrorKind::Input, name)
-        .found(format_args!("shape {shape:?}"))
+        .found(format_args!("shape {}", npy::shape_text(&shape)))
         .expected(format_args!(
             "frames of {wanted}: (T, {h}, {w}) or ({h}, {w}, T)",
             h = wanted.height(),

@@ -20,7 +20,7 @@ use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::{Geometry, set_bit};
 use spikelane::unstable::Count;
 use spikelane::unstable::inputs;
-use spikelane::unstable::npy::{Element, Header};
+use spikelane::unstable::npy::{self, Element, Header};
 
 pub(crate) use crate::ARCHIVE_MAGIC as MAGIC;
 
@@ -56,7 +56,7 @@ pub(crate) fn read(
     let array = array_header(&subject, &header)?;
     if array.data_bytes().is_none_or(|n| n > MAX_RATIO.saturating_mul(source.len() as u64)) {
         return Err(Error::new(ErrorKind::Input, subject)
-            .found(format_args!("an array {:?}, larger than the archive", array.shape))
+            .found(format_args!("an array {}, larger than the archive", npy::shape_text(&array.shape)))
             .expected("an archive written by numpy.savez"));
     }
     let packing = match length {
@@ -131,7 +131,8 @@ pub(crate) fn ambiguous_axes_error(subject: &str, shape: [u64; 3], remedy: std::
     };
     Error::new(ErrorKind::Usage, subject)
         .found(format_args!(
-            "shape {shape:?}, which is {}, or {}",
+            "shape {}, which is {}, or {}",
+            npy::shape_text(&shape),
             describe(ReadoutAxis::First),
             describe(ReadoutAxis::Last)
         ))
@@ -168,7 +169,7 @@ fn unpack_eight_per_byte(
     let (groups, geometry) = ReadoutAxis::First
         .readouts_and_geometry(array.shape)
         .filter(|(groups, _)| length <= groups.saturating_mul(8) && length > groups.saturating_mul(8) - 8)
-        .ok_or_else(|| bad(format!("shape {:?} for a length of {length}", array.shape)))?;
+        .ok_or_else(|| bad(format!("shape {} for a length of {length}", npy::shape_text(&array.shape))))?;
     if array.element != Element::U8 || array.is_fortran_order {
         return Err(bad(format!("elements of type {}", array.element)));
     }
