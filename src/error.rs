@@ -15,6 +15,9 @@ use crate::variants::variant_names;
 pub use quoting::excerpt;
 pub use setting::{Setting, render_settings};
 
+/// Largest number of characters of [`ErrorParts::expected`] and [`ErrorParts::remedy`].
+const MAX_LISTED_CHARS: usize = 1000;
+
 /// The kind of an error. `docs/reference/errors.md` lists the exit code of each kind.
 ///
 /// # Examples
@@ -248,17 +251,18 @@ impl Error {
         self
     }
 
-    /// Sets the description of what was expected.
+    /// Sets the description of what was expected. [`excerpt`] shortens a text of more than 1000 characters, because a part of
+    /// it can come from a file. Shorter texts remain, because they can list the accepted values.
     #[must_use]
     pub fn expected(mut self, expected: impl fmt::Display) -> Self {
-        self.expected = expected.to_string();
+        self.expected = shortened(expected);
         self
     }
 
-    /// Sets the action that solves the problem.
+    /// Sets the action that solves the problem. The length is limited as in [`Error::expected`].
     #[must_use]
     pub fn remedy(mut self, remedy: impl fmt::Display) -> Self {
-        self.remedy = remedy.to_string();
+        self.remedy = shortened(remedy);
         self
     }
 
@@ -424,6 +428,12 @@ impl fmt::Display for Error {
     }
 }
 
+/// Returns `text`, shortened by [`excerpt`] if it has more than [`MAX_LISTED_CHARS`] characters.
+fn shortened(text: impl fmt::Display) -> String {
+    let text = text.to_string();
+    if text.chars().nth(MAX_LISTED_CHARS).is_some() { excerpt(&text).into_owned() } else { text }
+}
+
 /// Returns `text` in a form that is safe to print on a terminal.
 ///
 /// Control characters other than line feeds and tabs are escaped in the form `\u{1b}`. Characters that change the
@@ -480,6 +490,8 @@ mod tests {
                 error.parts().found,
                 format!("`{}... ({} characters)", text.repeat(199), (1 << 20) + 2)
             );
+            let error = Error::new(ErrorKind::Corrupt, "a.txt").expected(text.repeat(1001));
+            assert_eq!(error.parts().expected, format!("{}... (1001 characters)", text.repeat(200)));
         }
     }
 

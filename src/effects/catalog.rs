@@ -121,7 +121,8 @@ fn check_values(param: &Param) -> Result<()> {
     if tried.values.iter().all(inside) && low.is_finite() && high.is_finite() {
         return Ok(());
     }
-    Err(error!(Config, "search range"; found "{:?} in {low} to {high}", tried.values;
+    let values: Vec<String> = tried.values.iter().map(f64::to_string).collect();
+    Err(error!(Config, "search range"; found "{} in {low} to {high}", values.join(", ");
         expected "values in a finite range, within {}", param.range()))
 }
 

@@ -1,6 +1,6 @@
 //! Opening and reading of input files.
 
-use std::borrow::Borrow;
+use std::borrow::{Borrow, Cow};
 use std::fs::{File, Metadata};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -212,6 +212,23 @@ fn decoded_text(bytes: Vec<u8>) -> std::result::Result<String, String> {
         Ok(text) if rest.is_empty() => Ok(text),
         _ => Err("text that is not UTF-16, although it starts with the byte order mark of UTF-16".to_owned()),
     }
+}
+
+/// Returns the bytes of a text in UTF-8 without a byte order mark. The text is UTF-8, or UTF-16 with a byte order mark.
+///
+/// Other bytes are returned unchanged, because the parser of the text reports them.
+///
+/// # Examples
+/// ```
+/// use spikelane::unstable::inputs::utf8_bytes;
+/// assert_eq!(*utf8_bytes(b"\xEF\xBB\xBF{}"), *b"{}");
+/// assert_eq!(*utf8_bytes(b"\xFF\xFE{\0}\0"), *b"{}");
+/// ```
+pub fn utf8_bytes(bytes: &[u8]) -> Cow<'_, [u8]> {
+    if !matches!(bytes, [0xEF, 0xBB, 0xBF, ..] | [0xFE, 0xFF, ..] | [0xFF, 0xFE, ..]) {
+        return Cow::Borrowed(bytes);
+    }
+    decoded_text(bytes.to_vec()).map_or(Cow::Borrowed(bytes), |text| Cow::Owned(text.into_bytes()))
 }
 
 /// Returns the path of a name in a text file. `folder` is the folder to which the name is relative.

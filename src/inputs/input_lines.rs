@@ -23,7 +23,8 @@ impl<'a> InputLines<'a> {
         Self { reader, file, limit, line: Vec::new(), number: 0 }
     }
 
-    /// Returns the next line, including a line break if the line has one. Returns `None` at the end of the file.
+    /// Returns the next line, including a line break if the line has one. Returns `None` at the end of the file. A byte
+    /// order mark before the first line is skipped.
     ///
     /// # Errors
     /// Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if a line is longer than the limit. Also returns the errors of
@@ -41,7 +42,8 @@ impl<'a> InputLines<'a> {
                 found "more than {} in line {}", Count(self.limit, "byte"), self.number;
                 expected "lines of at most {}", Count(self.limit, "byte"));
         }
-        Ok(Some(&self.line))
+        let mark: &[u8] = if self.number == 1 { b"\xEF\xBB\xBF" } else { b"" };
+        Ok(Some(self.line.strip_prefix(mark).unwrap_or(&self.line)))
     }
 }
 
@@ -64,10 +66,10 @@ mod tests {
     }
 
     #[test]
-    fn the_last_line_needs_no_line_break() {
+    fn the_last_line_needs_no_line_break_and_the_first_line_no_byte_order_mark() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
-        std::fs::write(&path, "a\nb").unwrap();
+        std::fs::write(&path, "\u{feff}a\nb").unwrap();
         let file = InputFile::open(&path).unwrap();
         let mut lines = InputLines::new(&file, 10);
         assert_eq!(lines.next_line().unwrap(), Some(&b"a\n"[..]));

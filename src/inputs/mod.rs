@@ -8,15 +8,19 @@
 /// Largest size in memory of a decoded image, of a frame of an array or of a frame of a video: 512 MiB.
 pub const MAX_PICTURE_BYTES: u64 = 512 << 20;
 
+#[cfg(feature = "presets")]
+mod digest;
 mod input_file;
 mod input_lines;
 mod memory;
 #[cfg(feature = "presets")]
 mod names;
 
+#[cfg(feature = "presets")]
+pub use digest::deserialize_digest;
 pub use input_file::{
     InputFile, InputReader, MAX_TEXT_BYTES, not_found_as_none, path_from_text, read_bytes, read_text,
-    read_text_up_to,
+    read_text_up_to, utf8_bytes,
 };
 pub use input_lines::InputLines;
 pub use memory::{check_memory, reserved_vec, zeroed_vec};

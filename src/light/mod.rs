@@ -8,6 +8,7 @@ pub(crate) mod builtin;
 pub(crate) mod catmull_rom;
 pub(crate) mod frame;
 mod frame_timing;
+pub mod full_scale;
 mod rate;
 pub(crate) mod samples;
 mod timeline;

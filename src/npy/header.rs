@@ -5,6 +5,7 @@ use std::io::Read;
 use super::{Element, header_text};
 use crate::count::Count;
 use crate::error::{Error, Result, error};
+use std::fmt::Display;
 
 /// The first bytes of every file.
 pub const MAGIC: &[u8] = b"\x93NUMPY";
@@ -103,21 +104,31 @@ fn damaged_error(name: &str, found: impl std::fmt::Display) -> Error {
         remedy "save the array again with numpy.save")
 }
 
+/// Returns a shape as Python prints it.
+///
+/// # Examples
+/// ```
+/// use spikelane::unstable::npy::shape_text;
+/// assert_eq!([shape_text(&[240_u64, 320]), shape_text(&[3_u64])], ["(240, 320)", "(3,)"]);
+/// ```
+#[must_use]
+pub fn shape_text(shape: &[impl Display]) -> String {
+    match shape {
+        [one] => format!("({one},)"),
+        all => format!("({})", all.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
 /// Returns a header for little-endian elements in C order. Its bytes equal the bytes that NumPy writes.
 ///
 /// Like NumPy, the function reserves 21 digits for the first axis. A writer of unknown length can therefore overwrite the
 /// header at the start of the file with the final header.
 #[must_use]
 pub fn header_bytes(element: Element, shape: &[u64]) -> Vec<u8> {
-    let sides: Vec<String> = shape.iter().map(u64::to_string).collect();
-    let tuple = match &sides[..] {
-        [one] => format!("({one},)"),
-        many => format!("({})", many.join(", ")),
-    };
-    let descr = element.descr();
+    let (descr, tuple) = (element.descr(), shape_text(shape));
     let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {tuple}, }}");
-    if let Some(first) = sides.first() {
-        text.extend(std::iter::repeat_n(' ', 21 - first.len()));
+    if let Some(first) = shape.first() {
+        text.extend(std::iter::repeat_n(' ', 21 - first.to_string().len()));
     }
     // Magic, version and length have 10 bytes, and the newline has 1 byte. If the header is already aligned, 64 bytes
     // of padding are added, as in NumPy.

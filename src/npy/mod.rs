@@ -9,7 +9,7 @@ mod header;
 mod header_text;
 
 pub use element::Element;
-pub use header::{Header, MAGIC, header_bytes};
+pub use header::{Header, MAGIC, header_bytes, shape_text};
 
 use std::io::{self, Read};
 
@@ -29,7 +29,7 @@ pub fn to_bytes<const N: usize>(
     let wanted: u64 = shape.iter().product();
     if values.len() as u64 != wanted || N != element.bytes() {
         bail!(Usage, "array"; found "{} of {N} bytes", Count(values.len(), "value");
-            expected "{wanted} of {} ({element}) for shape {shape:?}", element.bytes());
+            expected "{wanted} of {} ({element}) for shape {}", element.bytes(), shape_text(shape));
     }
     let mut bytes = header_bytes(element, shape);
     bytes.extend(values.flatten());
@@ -58,13 +58,13 @@ pub fn read_map(name: &str, reader: &mut impl Read) -> Result<(Header, Vec<f64>)
     let header = Header::read(name, reader)?;
     let count = header.shape.iter().try_fold(1, |n: u64, &side| n.checked_mul(side));
     let Some(count) = count.filter(|&n| n <= MAX_MAP_VALUES) else {
-        bail!(Input, "{name}"; found "an array of shape {:?}", header.shape;
+        bail!(Input, "{name}"; found "an array of shape {}", shape_text(&header.shape);
             expected "a map of a sensor, at most {MAX_MAP_VALUES} values");
     };
     let mut bytes = inputs::zeroed_vec(name, count as usize * header.element.bytes())?;
     reader.read_exact(&mut bytes).map_err(|e| match e.kind() {
         io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData => error!(Input, "{name}"; found "{e}";
-            expected "an array of shape {:?} of {}", header.shape, header.element;
+            expected "an array of shape {} of {}", shape_text(&header.shape), header.element;
             remedy "the file is truncated; save the array again"),
         _ => Error::io(name, e),
     })?;
@@ -83,7 +83,7 @@ pub fn read_values(name: &str, bytes: &[u8]) -> Result<(Header, Vec<f64>)> {
     let data = &bytes[header.data_offset..];
     let wanted = header.data_bytes().filter(|&n| n <= data.len() as u64).ok_or_else(|| {
         error!(Input, "{name}"; found "{} after the header", Count(data.len(), "byte");
-            expected "an array of shape {:?} of {}", header.shape, header.element;
+            expected "an array of shape {} of {}", shape_text(&header.shape), header.element;
             remedy "the file is truncated; save the array again")
     })?;
     let values = values(name, &header, &data[..wanted as usize])?;

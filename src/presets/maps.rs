@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::effects::Maps;
 use crate::error::{Error, ErrorKind, Result, bail, error};
-use crate::inputs::{Access, InnerPath, read_bytes};
+use crate::inputs::{Access, InnerPath, deserialize_digest, read_bytes};
 use crate::npy;
 use crate::spikes::Geometry;
 
@@ -19,6 +19,7 @@ const MAX_MAP_BYTES: u64 = (8 << 28) + (1 << 16);
 #[serde(deny_unknown_fields)]
 pub(super) struct MapEntry {
     pub file: String,
+    #[serde(deserialize_with = "deserialize_digest")]
     pub digest: String,
 }
 
@@ -114,7 +115,7 @@ fn read(bytes: &[u8], geometry: Geometry) -> Result<Vec<f64>> {
     let (header, values) = npy::read_values("map", bytes)?;
     let shape = [geometry.height() as u64, geometry.width() as u64];
     if header.shape != shape || header.element != npy::Element::F64 {
-        return Err(wrong(&format_args!("shape {:?} of {}", header.shape, header.element)));
+        return Err(wrong(&format_args!("shape {} of {}", npy::shape_text(&header.shape), header.element)));
     }
     Ok(values)
 }

@@ -111,7 +111,8 @@ impl DetailReference {
         if used_readouts.start < Self::MIN_SIDE_READOUTS || used_readouts.end + Self::MIN_SIDE_READOUTS > all
         {
             bail!(Usage, "readouts outside the window of the image";
-                found "{}, of which readouts {used_readouts:?} are in the window", Count(all, "readout");
+                found "{}, of which readouts {} to {} are in the window", Count(all, "readout"),
+                    used_readouts.start, used_readouts.end.saturating_sub(1);
                 expected "at least {} before and after the window", Count(Self::MIN_SIDE_READOUTS, "readout");
                 remedy "reduce {}, or move {} toward the middle", Setting("window"), Setting("at"));
         }
@@ -309,7 +310,7 @@ fn check(picture: &[f32], reference: &DetailReference, geometry: Geometry) -> Re
     let sizes = [picture.len(), reference.observations[0].len(), reference.observations[1].len()];
     let counted = reference.mask.as_ref().is_none_or(|c| c.len() == geometry.pixels());
     if sizes != [geometry.pixels(); 3] || !counted || geometry.width() < 8 || geometry.height() < 8 {
-        bail!(Usage, "image and reference"; found "{sizes:?} values for {geometry} pixels";
+        bail!(Usage, "image and reference"; found "{} values for {geometry} pixels", sizes.map(|n| n.to_string()).join(", ");
             expected "the same size, at least 8x8 pixels");
     }
     if interior_pixels(geometry, reference.mask.as_deref()).len() < 32 {

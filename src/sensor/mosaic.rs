@@ -171,7 +171,8 @@ impl Mosaic {
     fn validate(self) -> Result<Self> {
         for channel in &self.channels {
             if !channel.weights().iter().all(|w| w.is_finite()) || channel.white() <= 0.0 {
-                bail!(Config, "response"; found "{:?} for the channel {}", channel.weights(), channel.name;
+                let weights = channel.weights().map(|weight| weight.to_string());
+                bail!(Config, "response"; found "{} for the channel {}", weights.join(", "), channel.name;
                     expected "finite weights of red, green and blue whose sum is positive");
             }
         }

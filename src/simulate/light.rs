@@ -1,9 +1,10 @@
 //! The light of a run: the form that callers pass, and the form that kernels use.
 
 use crate::count::Count;
-use crate::error::{Result, error};
+use crate::error::{Result, Setting, error};
 use crate::kernels::{Samples, Segment, SegmentLight};
 use crate::light::Timeline;
+use crate::light::full_scale::check_float_light;
 use crate::simulate::FrameRef;
 use crate::simulate::frame_ref::DenseFrame;
 use crate::simulate::frame_sequence::FrameSequence;
@@ -151,6 +152,25 @@ impl<'a> ValidLight<'a> {
         })
     }
 
+    /// Rejects floats that are probably codes. Only the first frame is checked, because the check takes longer than a
+    /// readout of all pixels.
+    ///
+    /// # Errors
+    /// Returns the error of [`check_float_light`].
+    pub(super) fn check_codes(&self) -> Result<()> {
+        let samples = match self {
+            Self::Hold(frame) | Self::Linear { from: frame, .. } => frame.samples(),
+            Self::Sequence(frames) => frames.current(),
+        };
+        let Samples::F32(values) = samples else { return Ok(()) };
+        check_float_light(values, "light", "").map_err(|e| {
+            e.remedy(format_args!(
+                "divide codes by 255, or set {} to the brightest light",
+                Setting("max_light")
+            ))
+        })
+    }
+
     /// Returns a segment of one readout with the light of the last readout.
     pub(super) fn last(&self) -> Segment<'_> {
         let light = match self {
@@ -176,5 +196,27 @@ fn check_weights(weights: &[f32], readouts: usize) -> Result<()> {
     match weights.iter().find(|w| !(0.0..=1.0).contains(*w)) {
         Some(weight) => Err(error().found(weight).expected("weights within 0 to 1")),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::Camera;
+    use crate::error::ErrorKind;
+    use crate::sensor::Sensor;
+    use crate::simulate::SimulatorOptions;
+
+    #[test]
+    fn floats_that_are_codes_are_an_error_at_the_first_readout() {
+        let camera = Camera::ideal(Sensor::new(4, 2, 20_000.0).unwrap());
+        let codes = [0.0_f32, 51.0, 102.0, 153.0, 204.0, 255.0, 255.0, 255.0];
+        let mut simulator = SimulatorOptions::new().build(&camera).unwrap();
+        let error = simulator.run(&codes, 10).unwrap_err();
+        assert!(error.kind() == ErrorKind::Input && error.to_string().contains("max_light"), "{error}");
+        assert_eq!(simulator.state().readout(), 0);
+        let lamp = [0.1_f32, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 255.0];
+        simulator.run(&lamp, 10).unwrap();
+        // The light was checked at the first readout.
+        simulator.run(&codes, 10).unwrap();
     }
 }

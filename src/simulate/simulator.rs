@@ -3,6 +3,7 @@ use crate::draws::Seeds;
 use crate::effects::Camera;
 use crate::error::{Result, bail};
 use crate::kernels::{self, Backend, Batch, Job, Segment, SegmentLight};
+use crate::light::full_scale::MAX_FLOAT_LIGHT;
 use crate::plan::{FOREIGN_STATE, Plan, SimulatorState, StateTile};
 use crate::simulate::exposure_meter::{ExposureFault, ExposureMeter};
 use crate::simulate::frame_sequence::FrameSequence;
@@ -263,7 +264,8 @@ impl Simulator {
     ///
     /// # Errors
     /// If the call fails, the state is unchanged. Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the size of a frame differs from the
-    /// sensor, or if a sample is negative or not finite. Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if
+    /// sensor, if a sample is negative or not finite, or if the floats of the first readout are probably codes of 0 to 255.
+    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if
     /// * the length of `out` is not a multiple of a frame,
     /// * the number of weights differs from the number of readouts,
     /// * a weight is outside 0 to 1,
@@ -304,7 +306,7 @@ impl Simulator {
         observe: &mut dyn FnMut(usize) -> Result<()>,
     ) -> Result<()> {
         let readouts = self.frames_in(out)?;
-        let mut light = ValidLight::new(light.into(), self.plan.geometry(), readouts)?;
+        let mut light = self.valid_light(light.into(), readouts)?;
         let mut filled = self.run_light(&mut light, readouts, out, observe)?;
         let bytes = self.plan.geometry().frame_bytes();
         while filled < readouts {
@@ -345,8 +347,18 @@ impl Simulator {
             bail!(Usage, "output buffer"; found "space for {}", Count(room, "packed frame");
                 expected "space for {readouts}");
         }
-        let mut light = ValidLight::new(light.into(), self.plan.geometry(), readouts)?;
+        let mut light = self.valid_light(light.into(), readouts)?;
         self.run_light(&mut light, readouts, out, &mut |_| Ok(()))
+    }
+
+    /// Checks `light`. At the first readout, floats that are probably codes are an error, unless the simulator was created
+    /// for light above the limit of this check.
+    fn valid_light<'a>(&self, light: Light<'a>, readouts: usize) -> Result<ValidLight<'a>> {
+        let light = ValidLight::new(light, self.plan.geometry(), readouts)?;
+        if self.state().readout() == 0 && self.plan.max_light() <= f64::from(MAX_FLOAT_LIGHT) {
+            light.check_codes()?;
+        }
+        Ok(light)
     }
 
     fn frames_in(&self, out: &[u8]) -> Result<usize> {

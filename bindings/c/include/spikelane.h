@@ -512,6 +512,20 @@ spl_status spl_simulator_frame_bytes(const spl_simulator *simulator, uintptr_t *
 spl_status spl_simulator_readout(const spl_simulator *simulator, uint64_t *readout);
 
 /**
+ * Gets the code of white of 16-bit samples that probably have fewer bits: 255, 1023 or 4095. 0 means that a sample is above
+ * 4095 or that all samples are 0.
+ *
+ * A simulator reads 65535 as full scale. If the samples are such codes, multiply them by 65535 and divide them by `*white`. A
+ * dark scene can have the same samples, so the result is a reason for a warning and not for an error.
+ *
+ * # Safety
+ * `samples` is NULL or points to `count` samples; `white` is NULL or points to writable memory.
+ */
+spl_status spl_light_narrow_codes(const uint16_t *samples,
+                                  uintptr_t count,
+                                  uint32_t *white);
+
+/**
  * Starts another recording of the same camera at readout 0. This is much faster than creating another simulator.
  *
  * `seeds->camera` must equal the camera seed that was passed to spl_simulator_new. NULL means that all seeds are 0.

@@ -20,6 +20,7 @@ use std::path::Path;
 
 use spikelane::unstable::Count;
 use spikelane::{Geometry, Result, Seeds, presets, spikes};
+use spikelane_io::light::full_scale::narrow_codes;
 use spikelane_io::simulate::{FrameRef, Samples};
 
 use camera::Camera;
@@ -421,6 +422,28 @@ pub unsafe extern "C" fn spl_simulator_readout(
     ffi_guard(|| {
         let place = out_ref(readout, "readout")?;
         *place = read(simulator, |s: &Simulator| Ok(s.readout()))?;
+        Ok(())
+    })
+}
+
+/// Gets the code of white of 16-bit samples that probably have fewer bits: 255, 1023 or 4095. 0 means that a sample is above
+/// 4095 or that all samples are 0.
+///
+/// A simulator reads 65535 as full scale. If the samples are such codes, multiply them by 65535 and divide them by `*white`. A
+/// dark scene can have the same samples, so the result is a reason for a warning and not for an error.
+///
+/// # Safety
+/// `samples` is NULL or points to `count` samples; `white` is NULL or points to writable memory.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn spl_light_narrow_codes(
+    samples: *const u16,
+    count: usize,
+    white: *mut u32,
+) -> spl_status {
+    ffi_guard(|| {
+        let samples = slice(samples, count, "samples")?;
+        let place = out_ref(white, "white")?;
+        *place = narrow_codes(samples.iter().copied().max().unwrap_or(0)).map_or(0, |(_, white)| white);
         Ok(())
     })
 }

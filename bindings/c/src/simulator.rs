@@ -3,9 +3,8 @@
 
 use spikelane::unstable::Count;
 use spikelane::{Backend, Geometry, Light, Plan, Result, Seeds, presets};
-use spikelane_io::light::full_scale::{MAX_FLOAT_LIGHT, check_float_light};
 use spikelane_io::light::{Interpolation, Timeline};
-use spikelane_io::simulate::{FrameRef, Samples};
+use spikelane_io::simulate::FrameRef;
 
 use crate::camera::Camera;
 use crate::error::usage;
@@ -79,25 +78,9 @@ impl Simulator {
         ))
     }
 
-    /// Rejects floats that are probably codes.
-    ///
-    /// Only the light of the first readout is checked, because the check takes longer than a readout of all pixels. A
-    /// `max_light` above the limit of the check states that the light is this bright.
-    fn check_codes(&self, light: &LightSequence<'_>) -> Result<()> {
-        let is_stated = self.inner.plan().max_light() > f64::from(MAX_FLOAT_LIGHT);
-        let Samples::F32(values) = light.frames[0].samples() else { return Ok(()) };
-        if self.readout() > 0 || is_stated {
-            return Ok(());
-        }
-        check_float_light(values, "frame 0", "").map_err(|e| {
-            e.remedy("divide codes by 255, or create the simulator with max_light set to the brightest light")
-        })
-    }
-
     /// Simulates `light` and fills `packed` with exactly `readouts` readouts.
     pub fn run(&mut self, light: &LightSequence<'_>, readouts: usize, packed: &mut [u8]) -> Result<()> {
         self.check_room(readouts, packed)?;
-        self.check_codes(light)?;
         self.inner.fill(light.light(), packed)
     }
 
@@ -109,7 +92,6 @@ impl Simulator {
         packed: &mut [u8],
     ) -> Result<usize> {
         self.check_room(readouts, packed)?;
-        self.check_codes(light)?;
         self.inner.advance(light.light(), readouts, packed)
     }
 }

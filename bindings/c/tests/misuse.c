@@ -160,6 +160,13 @@ static void runs(void) {
     REFUSED(spl_simulator_new(camera, &seeds, -1.0, 1, &t), SPL_USAGE, "max light");
     REFUSED(spl_simulator_new(camera, &seeds, 1.0, 0, &t), SPL_USAGE, "threads");
     OK(spl_simulator_run(s, &held, 0, NULL, 0));
+    const uint16_t narrow[] = {0, 100, 4000}, wide[] = {0, 100, 40000};
+    uint32_t white = 1;
+    OK(spl_light_narrow_codes(narrow, 3, &white));
+    if (white != 4095) failures++, fprintf(stderr, "misuse.c: codes of 12 bits have white %u\n", white);
+    OK(spl_light_narrow_codes(wide, 3, &white));
+    if (white != 0) failures++, fprintf(stderr, "misuse.c: codes of 16 bits have white %u\n", white);
+    REFUSED(spl_light_narrow_codes(NULL, 3, &white), SPL_USAGE, "samples: found NULL");
 
     /* The failed calls must not have changed the state of the simulator. */
     OK(spl_simulator_run(s, &held, N - 2, out + 2 * BYTES, (N - 2) * BYTES));

@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::IntoPyDict as _;
 use spikelane::Geometry;
 use spikelane::error::Setting;
+pub use spikelane::unstable::npy::shape_text;
 use spikelane_io::light::full_scale::{check_float_light, check_full_scale, narrow_codes};
 use spikelane_io::simulate::FrameRef;
 use spikelane_io::simulate::Samples;
@@ -336,14 +337,6 @@ fn check_float_values(
         format_args!("at most {limit}{max_light}, where the sensor clips it"),
         format_args!("pass {full_scale}255 if 255 is full scale, or {limit}10 to simulate light up to 10"),
     )
-}
-
-/// Returns a shape as Python prints it.
-pub fn shape_text(shape: &[usize]) -> String {
-    match shape {
-        [one] => format!("({one},)"),
-        all => format!("({})", all.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
-    }
 }
 
 /// Returns whether the array can be read as a slice. A slice must be contiguous and aligned for its elements.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::Count;
-use spikelane::unstable::inputs::{Access, InnerPath, PlainName, read_bytes};
+use spikelane::unstable::inputs::{Access, InnerPath, PlainName, deserialize_digest, read_bytes, utf8_bytes};
 use spikelane_dataset::{
     self as dataset, DatasetEstimate, DatasetOptions, DatasetReader, SequenceEntry, SequenceProgress,
 };
@@ -35,6 +35,7 @@ pub struct GeneratedFile {
     /// Length in bytes.
     pub bytes: u64,
     /// Digest of the bytes, as `blake3:<hex>`.
+    #[serde(deserialize_with = "deserialize_digest")]
     pub digest: String,
 }
 
@@ -91,6 +92,7 @@ struct Index {
     format_version: u32,
     name: PlainName,
     version: String,
+    #[serde(deserialize_with = "deserialize_digest")]
     digest: String,
     groups: Vec<GeneratedGroup>,
 }
@@ -267,7 +269,7 @@ impl GeneratedSuite {
         };
         let invalid =
             |found: &dyn std::fmt::Display| Error::new(ErrorKind::Config, index_path.display()).found(found);
-        let index: Index = serde_json::from_slice(&text).map_err(|e| invalid(&e))?;
+        let index: Index = serde_json::from_slice(&utf8_bytes(&text)).map_err(|e| invalid(&e))?;
         if index.format_version != FORMAT_VERSION {
             return Err(invalid(&format_args!("version {} of the format", index.format_version))
                 .expected(FORMAT_VERSION));

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::{PlainName, read_bytes, read_text};
+use spikelane::unstable::inputs::{PlainName, deserialize_digest, read_bytes, read_text, utf8_bytes};
 use spikelane_io::storage::Digest;
 
 use crate::suite::{Suite, check_camera};
@@ -41,6 +41,7 @@ pub struct Commitment {
     /// Whether the camera is secret.
     pub has_secret_camera: bool,
     /// Digest of the secret file, as `blake3:<hex>`.
+    #[serde(deserialize_with = "deserialize_digest")]
     pub commitment: String,
 }
 
@@ -240,7 +241,7 @@ fn read<T: for<'a> Deserialize<'a>>(path: &Path, what: &str, version: impl Fn(&T
     let invalid = |found: &dyn std::fmt::Display| {
         Error::new(ErrorKind::Config, path.display()).found(found).expected(what)
     };
-    let value: T = serde_json::from_slice(&text).map_err(|e| invalid(&e))?;
+    let value: T = serde_json::from_slice(&utf8_bytes(&text)).map_err(|e| invalid(&e))?;
     if version(&value) != FORMAT_VERSION {
         return Err(
             invalid(&format_args!("version {} of the format", version(&value))).expected(FORMAT_VERSION)

@@ -13,8 +13,8 @@ mod streams;
 
 use std::ffi::OsString;
 
-use spikelane::Result;
 use spikelane::unstable::kernels::Backend;
+use spikelane::{ErrorKind, Result};
 
 use command::Command;
 use common::{Console, console, progress, run_interruptible};
@@ -22,6 +22,19 @@ use generate::{dataset, first_run, live, scene, simulate};
 use meta::{effects, generated, help, preset};
 use sensors::{calibrate, compare, diagnose, measure, record};
 use streams::{convert, evaluate, inspect, partials, reconstruct, verify, view};
+
+/// Runs the command line of this process and returns the exit code.
+///
+/// The function allocates nothing before it has checked that memory is available. The arguments, the handler of failed
+/// allocations and the stack need memory before any error can be reported.
+#[must_use]
+pub fn main_of_process() -> u8 {
+    if common::limits::has_memory_to_start() {
+        main(std::env::args_os())
+    } else {
+        ErrorKind::Memory.exit_code()
+    }
+}
 
 /// Runs the command line `args` and returns the exit code. The first argument is the program name.
 ///

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    ExitCode::from(spikelane_cli::main(std::env::args_os()))
+    ExitCode::from(spikelane_cli::main_of_process())
 }

@@ -29,6 +29,33 @@ const EXCEPTIONS: &[(&str, &str, &str)] = &[
     ),
 ];
 
+/// Texts that a message prints with `{:?}`, because this form escapes a text of a file and puts quotation marks around it,
+/// and values that no message prints. Each entry is a part of a line.
+const QUOTED: &[(&str, &str, &str)] = &[
+    ("src/effects/camera.rs", "{sensor:?} {light:?} {window:?}", "a hash"),
+    ("src/effects/camera.rs", "{mosaic:?}", "a hash"),
+    ("src/inputs/digest.rs", "the digest {:?} is not", "a text"),
+    ("src/inputs/names.rs", "{fault}: {text:?}", "a text"),
+    ("src/inputs/names.rs", "{fault}: {:?}\", excerpt(&text)", "a text"),
+    ("crates/benchmark/src/score/boxes.rs", "the class {:?}, expected", "a text"),
+    ("crates/benchmark/src/score/mod.rs", "the date {:?}", "a text"),
+    ("crates/dataset/src/pack_schema.rs", "the seed {text:?}", "a text"),
+    ("crates/dataset/src/tar_index.rs", "of type {:?}\", char::from(", "a character"),
+    ("crates/dataset/src/manifest.rs", "|l| format!(\"{l:?}\")", "a text"),
+    ("crates/diagnose/src/sensors/cache_key.rs", "format!(\"{light:?}\")", "a part of a key"),
+    ("crates/view/src/query.rs", "|t| format!(\"{t:?}\")", "a text"),
+    ("crates/view/src/labels.rs", "format_args!(\"{kind:?}\")", "a text"),
+];
+
+/// Whether a line formats a value with `Debug`, such as `{:?}` or `{value:#?}`.
+fn prints_debug(line: &str) -> bool {
+    line.match_indices("?}").any(|(at, _)| {
+        let before =
+            line[..at].trim_end_matches(|c: char| c.is_ascii_digit() || matches!(c, '#' | '.' | '<' | '>'));
+        before.ends_with(':') && before.rfind('{') > before.rfind('}')
+    })
+}
+
 /// Returns the lines of a source file without comments and unit tests, with their numbers.
 fn code_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let code = text.split("\n#[cfg(test)]\nmod ").next().unwrap_or_default();
@@ -85,6 +112,42 @@ fn every_exception_is_necessary() {
     for (file, part, reason) in EXCEPTIONS {
         let text = page(file).text;
         assert!(code_lines(&text).any(|(_, l)| l.contains(part) && names_the_program(l)), "{file}: {reason}");
+    }
+}
+
+#[test]
+fn no_message_prints_the_debug_form_of_a_value() {
+    let is_exception =
+        |name: &str, line: &str| QUOTED.iter().any(|(file, part, _)| name == *file && line.contains(part));
+    let more = ["crates/cli/src", "crates/diagnose/src"].into_iter().flat_map(files);
+    let more = more.filter(|name| name.ends_with(".rs")).map(|name| (name.clone(), page(&name).text));
+    let mut found = Vec::new();
+    for (name, text) in sources().into_iter().chain(more) {
+        for (i, line) in code_lines(&text) {
+            if prints_debug(line) && !line.contains("assert") && !is_exception(&name, line) {
+                found.push(format!("{name}:{}: {}", i + 1, line.trim()));
+            }
+        }
+    }
+    assert!(found.is_empty(), "implement Display, or print the value:\n{}", found.join("\n"));
+    for (file, part, reason) in QUOTED {
+        let text = page(file).text;
+        assert!(
+            code_lines(&text).any(|(_, line)| line.contains(part) && prints_debug(line)),
+            "{file}: {part}: {reason}"
+        );
+    }
+}
+
+#[test]
+fn the_debug_form_in_a_line_is_found() {
+    for line in
+        ["format!(\"{:?}\", x)", "found(format_args!(\"a {shape:?} b\"))", "\"{x:#?}\"", "\"{x:.1?}\""]
+    {
+        assert!(prints_debug(line), "{line}");
+    }
+    for line in ["Err(e)?}", "\"did you mean {name}?\"", "{ let x = f()?; }", "match x { a => b()? }"] {
+        assert!(!prints_debug(line), "{line}");
     }
 }
 

@@ -8,46 +8,12 @@ use source_support::imports::import_circles;
 use source_support::lines::{LineCounts, table};
 use source_support::{Package, SourceFile, packages};
 
-/// Import circles that exist. The list may only become shorter: change the sources, not the list.
-const KNOWN_CIRCLES: &[(&str, &[&str])] = &[
-    (
-        "crates/io/src",
-        &[
-            "light/images/image_file.rs",
-            "light/images/page_timing.rs",
-            "light/images/png_chunks.rs",
-            "light/images/webp_chunks.rs",
-            "light/timestamps.rs",
-        ],
-    ),
-    ("crates/io/src", &["light/images/encoding.rs", "light/images/linearization.rs"]),
-];
-
 #[test]
-fn files_of_a_package_do_not_import_in_new_circles() {
-    for package in packages() {
-        let known = |circle: &Vec<String>| {
-            let is_known_file = |files: &&[&str]| circle.iter().all(|file| files.contains(&file.as_str()));
-            known_circles(&package.folder).iter().any(is_known_file)
-        };
-        let new: Vec<_> = import_circles(&package).into_iter().filter(|circle| !known(circle)).collect();
-        assert!(new.is_empty(), "files of {} import from each other: {new:#?}", package.folder);
-    }
-}
-
-#[test]
-fn every_known_circle_still_exists() {
+fn the_files_of_a_package_do_not_import_in_circles() {
     for package in packages() {
         let circles = import_circles(&package);
-        for files in known_circles(&package.folder) {
-            let exists = circles.iter().any(|circle| circle == files);
-            assert!(exists, "the circle {files:?} of {} is smaller or gone: update the list", package.folder);
-        }
+        assert!(circles.is_empty(), "files of {} import from each other: {circles:#?}", package.folder);
     }
-}
-
-fn known_circles(folder: &str) -> Vec<&'static [&'static str]> {
-    KNOWN_CIRCLES.iter().filter(|(of, _)| *of == folder).map(|(_, files)| *files).collect()
 }
 
 fn circles(files: &[(&str, &str)]) -> Vec<Vec<String>> {

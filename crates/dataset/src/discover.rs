@@ -4,13 +4,13 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use crate::fingerprint::image_files;
-use crate::{InputContent, Pictures};
+use crate::spec::path_name;
+use crate::{DatasetOptions, InputContent, Pictures};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::Count;
 use spikelane::unstable::draws::RandomStream;
-use spikelane::unstable::inputs::{PlainName, path_from_text, read_text_up_to};
-use spikelane_io::light::{TIME_FILE_NAMES, check_is_video, image_file};
+use spikelane::unstable::inputs::{Access, PlainName, check_link, path_from_text, read_text_up_to};
+use spikelane_io::light::{TIME_FILE_NAMES, check_is_video, image_file, image_files};
 
 /// Extensions of files that may contain several frames.
 const VIDEO_EXTENSIONS: [&str; 19] = [
@@ -53,10 +53,10 @@ pub struct Input {
 ///
 /// # Errors
 /// * [`ErrorKind::Io`] if a folder cannot be listed.
-/// * [`ErrorKind::Input`] if no input is found.
+/// * [`ErrorKind::Input`] if no input is found, or if an input is a link to a file outside the folder.
 pub fn discover_inputs(folder: &Path, excluded: &Path) -> Result<Vec<Input>> {
     let mut all = Vec::new();
-    for_each_in_folder(folder, excluded, Pictures::Video, &mut |input| {
+    for_each_in_folder(folder, excluded, Pictures::Video, Access::Read, &mut |input| {
         all.push(input);
         Ok(())
     })?;
@@ -68,13 +68,16 @@ pub fn discover_inputs(folder: &Path, excluded: &Path) -> Result<Vec<Input>> {
 ///
 /// If there is a list, the whole list is in memory. Otherwise only the names in one folder at a time are in memory.
 pub(super) fn for_each_input(
+    options: &DatasetOptions,
     inputs: &InputContent,
-    except: &Path,
     visit: &mut dyn FnMut(Input) -> Result<()>,
 ) -> Result<()> {
     match &inputs.list {
-        Some(list) => for_each_in_list(list, inputs, visit),
-        None => for_each_in_folder(&inputs.folder, except, inputs.pictures, visit),
+        Some(list) => for_each_in_list(list, inputs, options.follow_links, visit),
+        None => {
+            let access = options.access();
+            for_each_in_folder(&inputs.folder, &options.output, inputs.pictures, access, visit)
+        }
     }
 }
 
@@ -82,28 +85,30 @@ fn for_each_in_folder(
     folder: &Path,
     except: &Path,
     pictures: Pictures,
+    access: Access,
     visit: &mut dyn FnMut(Input) -> Result<()>,
 ) -> Result<()> {
-    let folder_name =
-        fs::canonicalize(folder).ok().and_then(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
-    let folder_name = folder_name.unwrap_or_else(|| "clip".to_owned());
+    let folder_name = path_name(folder);
     let (mut inputs, mut others) = (0u64, 0u64);
     walk_inputs(folder, except, &mut |path, what| match what {
         PathKind::Pictures(names) if pictures == Pictures::Stills => {
             for name in names {
                 inputs += 1;
-                visit(still_input(path.join(name), &folder_name)?)?;
+                let picture = path.join(name);
+                check_link(folder, &folder.join(&picture), access)?;
+                visit(still_input(picture, &folder_name)?)?;
             }
             Ok(())
         }
         PathKind::Pictures(names) if names.len() > 1 => {
             inputs += 1;
-            check_pictures(&folder.join(&path), pictures)?;
+            check_pictures(&folder.join(&path), pictures, access == Access::ReadThroughLinks)?;
             let frames = Some(names.len() as u64);
             visit(Input { id: sequence_id(&path, &folder_name)?, path, frames })
         }
         PathKind::Video => {
             inputs += 1;
+            check_link(folder, &folder.join(&path), access)?;
             visit(Input { id: sequence_id(&path, &folder_name)?, path, frames: None })
         }
         PathKind::Pictures(_) | PathKind::Other => {
@@ -128,6 +133,7 @@ fn for_each_in_folder(
 fn for_each_in_list(
     list: &Path,
     inputs: &InputContent,
+    follow_links: bool,
     visit: &mut dyn FnMut(Input) -> Result<()>,
 ) -> Result<()> {
     let folder = &inputs.folder;
@@ -147,7 +153,7 @@ fn for_each_in_list(
         let metadata = fs::metadata(&input_path).map_err(|e| {
             Error::io(format_args!("{}: line {n}: {}", list.display(), input_path.display()), e)
         })?;
-        let images = if metadata.is_dir() { Some(image_files(&input_path)?) } else { None };
+        let images = if metadata.is_dir() { Some(image_files(&input_path, follow_links)?) } else { None };
         if let (Some(images), Pictures::Stills) = (&images, inputs.pictures) {
             let mut names: Vec<_> = images.iter().filter_map(|image| image.file_name()).collect();
             names.sort_unstable();
@@ -155,7 +161,7 @@ fn for_each_in_list(
             continue;
         }
         if images.is_some() {
-            check_pictures(&input_path, inputs.pictures)?;
+            check_pictures(&input_path, inputs.pictures, follow_links)?;
         }
         let frames = images.map(|images| images.len() as u64);
         visit(Input { id: sequence_id(Path::new(&line), "clip")?, path: PathBuf::from(line), frames })?;
@@ -169,11 +175,11 @@ fn still_input(path: PathBuf, folder_name: &str) -> Result<Input> {
 }
 
 /// Checks that a folder of pictures is a video, unless the user states it.
-fn check_pictures(folder: &Path, pictures: Pictures) -> Result<()> {
+fn check_pictures(folder: &Path, pictures: Pictures, follow_links: bool) -> Result<()> {
     if pictures != Pictures::Auto {
         return Ok(());
     }
-    check_is_video(folder).map_err(|e| match e.kind() {
+    check_is_video(folder, follow_links).map_err(|e| match e.kind() {
         ErrorKind::Input => e.remedy(format_args!(
             "set {} to convert every picture into its own sequence, or set {} if the pictures are the frames of a video, all of one size",
             Setting("stills"),
@@ -237,14 +243,21 @@ fn sequence_id(path: &Path, folder_name: &str) -> Result<PlainName> {
 /// Returns the path of the input that has the name `name` in a manifest or a plan.
 ///
 /// An input from a list may be outside the folder, because the user chooses the paths of the list. An input from a
-/// searched folder must be inside that folder.
+/// searched folder must be inside that folder, also after its links are followed, unless `access` allows other links.
 ///
 /// # Errors
-/// [`ErrorKind::Corrupt`] if a path from a searched folder is outside that folder.
-pub(super) fn input_path(inputs: &InputContent, name: &Path) -> Result<PathBuf> {
-    let inside = || name.components().all(|part| matches!(part, Component::Normal(_)));
-    if inputs.list.is_some() || inside() {
-        return Ok(inputs.folder.join(name));
+/// * [`ErrorKind::Corrupt`] if a path from a searched folder is outside that folder.
+/// * [`ErrorKind::Input`] if `access` forbids a link along the path.
+pub(super) fn input_path(inputs: &InputContent, name: &Path, access: Access) -> Result<PathBuf> {
+    let path = inputs.folder.join(name);
+    if inputs.list.is_some() {
+        return Ok(path);
+    }
+    if name.components().all(|part| matches!(part, Component::Normal(_))) {
+        for part in path.ancestors().take(name.components().count()) {
+            check_link(&inputs.folder, part, access)?;
+        }
+        return Ok(path);
     }
     Err(Error::new(ErrorKind::Corrupt, name.display())
         .found("a path that points outside the input folder")

@@ -55,7 +55,7 @@ pub(super) fn planned_entries(options: &DatasetOptions) -> Result<Vec<SequenceEn
         }
         Content::Inputs(i) => {
             let mut all = Vec::new();
-            discover::for_each_input(i, &options.output, &mut |found| {
+            discover::for_each_input(options, i, &mut |found| {
                 all.push(planned_input_entry(options, i, found)?);
                 Ok(())
             })?;

@@ -1,36 +1,24 @@
 //! Identifies inputs and files by size and modification time, or by digest.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Error, Result};
 use spikelane::unstable::inputs::InputFile;
-use spikelane_io::light::image_file;
+use spikelane_io::light::image_files;
 use spikelane_io::storage::Digest;
-
-/// Returns the image files of a folder.
-pub(super) fn image_files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut all = Vec::new();
-    for entry in fs::read_dir(folder).map_err(|e| Error::io(folder.display(), e))? {
-        let image = entry.map_err(|e| Error::io(folder.display(), e))?.path();
-        if image.is_file() && image_file::is_image(&image) {
-            all.push(image);
-        }
-    }
-    Ok(all)
-}
 
 /// Returns the fingerprint of an input. The fingerprint of a folder contains the total size and the latest
 /// modification time of its images.
-pub(super) fn input_fingerprint(path: &Path) -> Result<Fingerprint> {
+pub(super) fn input_fingerprint(path: &Path, follow_links: bool) -> Result<Fingerprint> {
     let metadata = fs::metadata(path).map_err(|e| Error::io(path.display(), e))?;
     if !metadata.is_dir() {
         return Ok(Fingerprint::from_metadata(&metadata));
     }
-    image_files(path)?.iter().try_fold(Fingerprint::default(), |sum, image| {
+    image_files(path, follow_links)?.iter().try_fold(Fingerprint::default(), |sum, image| {
         let one =
             Fingerprint::from_metadata(&fs::metadata(image).map_err(|e| Error::io(image.display(), e))?);
         Ok(Fingerprint {
@@ -97,12 +85,16 @@ pub(super) fn file_digest(path: &Path, stop: &mut dyn FnMut() -> Result<()>) -> 
 ///
 /// # Errors
 /// [`ErrorKind::Io`](spikelane::ErrorKind::Io) if the input cannot be read. Also the errors of `stop`.
-pub(super) fn input_digest(path: &Path, stop: &mut dyn FnMut() -> Result<()>) -> Result<String> {
+pub(super) fn input_digest(
+    path: &Path,
+    follow_links: bool,
+    stop: &mut dyn FnMut() -> Result<()>,
+) -> Result<String> {
     if !path.is_dir() {
         return file_digest(path, stop);
     }
     let mut lines = Vec::new();
-    for image in image_files(path)? {
+    for image in image_files(path, follow_links)? {
         let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
         lines.push(format!("{name} {}\n", file_digest(&image, stop)?));
     }

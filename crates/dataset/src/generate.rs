@@ -1,6 +1,6 @@
 //! Generates a whole dataset. The module plans the sequences, generates missing sequences, and records failures.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use serde::Serialize;
 
@@ -270,13 +270,13 @@ fn current_input_digest(
     stop: &mut dyn FnMut() -> Result<()>,
 ) -> Result<Option<String>> {
     let (Content::Inputs(inputs), Some(name)) = (&options.content, &entry.input) else { return Ok(None) };
-    let path = input_path(inputs, &PathBuf::from(name))?;
+    let path = input_path(inputs, Path::new(name), options.access())?;
     if !exists(&path)? {
         // If the input of a sequence no longer exists, the sequence cannot be generated again. The recorded digest is
         // returned, so that the sequence counts as unchanged and remains.
         return Ok(entry.input_digest.clone());
     }
-    fingerprint::input_digest(&path, stop).map(Some)
+    fingerprint::input_digest(&path, options.follow_links, stop).map(Some)
 }
 
 /// Returns whether every file of a finished sequence matches its digest.

@@ -102,12 +102,19 @@ pub(super) struct ScaledSource<'a> {
     pub factor: f32,
     /// The path of the source, and the name of the source in the dataset.
     ///
-    /// Descriptions contain the name instead of the path, so records do not depend on the location of the input
-    /// folder.
+    /// Descriptions and notes contain the name instead of the path, so that records neither depend on the location of the
+    /// input folder nor publish it.
     pub path_and_name: Option<(&'a Path, &'a str)>,
 }
 
 impl ScaledSource<'_> {
+    fn with_name(&self, text: &str) -> String {
+        match self.path_and_name {
+            Some((path, name)) => text.replace(&*path.to_string_lossy(), name),
+            None => text.to_owned(),
+        }
+    }
+
     /// Multiplies the light of a frame by `by`. If `by` is 1 or more, the frame is returned unchanged.
     pub(crate) fn scale_frame(frame: &Frame, by: f32) -> Result<Frame> {
         if by >= 1.0 {
@@ -139,10 +146,7 @@ impl Source for ScaledSource<'_> {
         self.source.full_scale()
     }
     fn describe(&self) -> String {
-        let mut text = self.source.describe();
-        if let Some((path, name)) = self.path_and_name.filter(|(_, name)| !name.is_empty()) {
-            text = text.replace(&*path.to_string_lossy(), name);
-        }
+        let text = self.with_name(&self.source.describe());
         if self.factor >= 1.0 { text } else { format!("{text}, exposure times {}", self.factor) }
     }
     fn stored_geometry(&self) -> Option<Geometry> {
@@ -152,7 +156,7 @@ impl Source for ScaledSource<'_> {
         self.source.frame_times()
     }
     fn notes(&self) -> Vec<String> {
-        self.source.notes()
+        self.source.notes().iter().map(|note| self.with_name(note)).collect()
     }
     fn next_frame(&mut self, into: &mut Frame) -> Result<bool> {
         let has_frame = self.source.next_frame(into)?;

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::InputFile;
+use spikelane::unstable::inputs::{InputFile, utf8_bytes};
 use spikelane_measure::report::insert_present;
 use spikelane_scene::{
     Flow, KeyframePlan, Labels, PinholeCamera, SamplesPerPixel, Scene, VehicleBox, labels,
@@ -187,7 +187,7 @@ struct LabelFile {
 /// Reads the labeled readouts from the `labels.json` of a sequence.
 pub(super) fn read_labeled_frames(file: &InputFile) -> Result<Vec<LabeledFrame>> {
     let text = file.read_all("labels", MAX_LABEL_BYTES)?;
-    let read: LabelFile = serde_json::from_slice(&text)
+    let read: LabelFile = serde_json::from_slice(&utf8_bytes(&text))
         .map_err(|e| Error::new(ErrorKind::Corrupt, file.path().display()).found(e))?;
     Ok(read.frames)
 }

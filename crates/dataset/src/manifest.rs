@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use crate::Split;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::{
-    Access, InnerPath, InputFile, InputLines, MAX_TEXT_BYTES, PARTIAL_ENDING, PlainName,
+    Access, InnerPath, InputFile, InputLines, MAX_TEXT_BYTES, PARTIAL_ENDING, PlainName, deserialize_digest,
 };
 use spikelane_io::storage::{Digest, folders, sync};
 
@@ -49,7 +49,7 @@ pub struct SequenceEntry {
     pub input: Option<String>,
     /// Digest of the input when the input was read. For a file, it is the digest of the bytes. For a folder, it is the
     /// digest of the names and digests of the images.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "deserialize_digest", skip_serializing_if = "Option::is_none")]
     pub input_digest: Option<String>,
     /// Seed of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -64,7 +64,7 @@ pub struct SequenceEntry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
     /// Digest of the sequence's record.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "deserialize_digest", skip_serializing_if = "Option::is_none")]
     pub digest: Option<String>,
     /// State of the sequence.
     pub status: SequenceStatus,

@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::manifest::SequenceEntry;
 use crate::{SequenceRecord, SequenceStatus, Split};
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::{InnerPath, PlainName};
+use spikelane::unstable::inputs::{InnerPath, PlainName, deserialize_digest};
 use spikelane_io::simulate::Sidecar;
 
 /// The files of every sequence that are members of the pack, and the endings of these members.
@@ -70,6 +70,7 @@ pub(super) struct SampleDescription {
     pub(super) rate_at_255: f64,
     pub(super) frames_above_max_light: u64,
     pub(super) bytes: u64,
+    #[serde(deserialize_with = "deserialize_digest")]
     pub(super) record_digest: String,
 }
 

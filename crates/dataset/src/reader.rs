@@ -13,7 +13,7 @@ use crate::tar_index::TarIndex;
 use crate::{Manifest, SequenceRecord, SequenceStatus};
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::unstable::inputs::{
-    Access, InnerPath, InputFile, MAX_TEXT_BYTES, PlainName, not_found_as_none,
+    Access, InnerPath, InputFile, MAX_TEXT_BYTES, PlainName, not_found_as_none, utf8_bytes,
 };
 use spikelane_io::formats::{OpenOptions, StreamReader};
 use spikelane_io::simulate::Sidecar;
@@ -131,7 +131,7 @@ fn tar_entries(path: &Path, tar: &TarIndex) -> Result<Vec<SequenceEntry>> {
         let place = path.join(name);
         let file = tar.open(name, place.clone())?;
         let text = file.read_all("a description", pack_schema::MAX_DESCRIPTION_BYTES)?;
-        let description: SampleDescription = serde_json::from_slice(&text).map_err(|e| {
+        let description: SampleDescription = serde_json::from_slice(&utf8_bytes(&text)).map_err(|e| {
             Error::new(ErrorKind::Corrupt, place.display())
                 .found(e)
                 .expected("a description written by this version")

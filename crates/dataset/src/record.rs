@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::fingerprint::file_digest;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::Count;
-use spikelane::unstable::inputs::{Access, InnerPath, PlainName, read_bytes};
+use spikelane::unstable::inputs::{Access, InnerPath, PlainName, deserialize_digest, read_bytes, utf8_bytes};
 use spikelane_io::storage::{self, Digest};
 
 /// File name of the record in the sequence's folder.
@@ -27,6 +27,7 @@ pub struct RecordedFile {
     /// Length of the file in bytes.
     pub bytes: u64,
     /// Digest of all bytes of the file, as `blake3:<hex>`.
+    #[serde(deserialize_with = "deserialize_digest")]
     pub digest: String,
 }
 
@@ -80,7 +81,7 @@ impl SequenceRecord {
     }
 
     pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Self> {
-        serde_json::from_slice(text).map_err(|e| {
+        serde_json::from_slice(&utf8_bytes(text)).map_err(|e| {
             Error::new(ErrorKind::Config, path.display())
                 .found(e)
                 .expected("a record written by this version")

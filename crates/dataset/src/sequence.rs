@@ -11,7 +11,7 @@ use crate::ground_truth::{self, ScaledSource};
 use crate::images::ReferenceImageWriter;
 use crate::labels;
 use crate::manifest::sequence_path;
-use crate::spec::{ground_truth_facts, scene_options};
+use crate::spec::{ground_truth_facts, path_name, scene_options};
 use crate::{
     Content, DatasetLayout, DatasetOptions, Drive, InputContent, Pictures, SceneContent, SequenceEntry,
     SequenceRecord,
@@ -170,8 +170,8 @@ fn generate_from_input(
     (input_options.resize_mode, input_options.transfer) = (inputs.resize_mode, inputs.transfer);
     // The folder was examined when the data set was planned.
     (input_options.scale, input_options.is_video) = (inputs.full_scale, true);
-    input_options.accept_damage = inputs.accept_damage;
-    let path = input_path(inputs, Path::new(name))?;
+    (input_options.accept_damage, input_options.follow_links) = (inputs.accept_damage, options.follow_links);
+    let path = input_path(inputs, Path::new(name), options.access())?;
     let open = || light::open(&path, &input_options);
     let mut source = open()?;
     let pace = FrameTiming { readouts_per_frame: inputs.readouts_per_frame, frame_rate: None };
@@ -180,7 +180,9 @@ fn generate_from_input(
     let crop_note = source
         .stored_geometry()
         .and_then(|stored| inputs.resize_mode.crop_note(stored, options.camera.sensor.geometry));
-    let mut source = ScaledSource { source: &mut *source, factor: by, path_and_name: Some((&path, name)) };
+    let shown_name = if name.is_empty() { path_name(&inputs.folder) } else { name.to_owned() };
+    let path_and_name = Some((path.as_path(), shown_name.as_str()));
+    let mut source = ScaledSource { source: &mut *source, factor: by, path_and_name };
     let mut keeper = ReferenceImageWriter::new(options, options.images.every, false, folder)?;
     let light = LightRun { timeline: timeline.clone(), readouts: None, source: &mut source };
     let outcome = simulate_streams(options, entry, light, &mut keeper, watch)?;

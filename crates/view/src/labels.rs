@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use spikelane::error::{Error, ErrorKind, Result, bail, error};
-use spikelane::unstable::inputs::not_found_as_none;
+use spikelane::unstable::inputs::{not_found_as_none, utf8_bytes};
 use spikelane::unstable::npy;
 use spikelane_dataset::{InnerPath, SequenceFiles};
 
@@ -29,7 +29,8 @@ pub(crate) fn labeled_frames(files: &SequenceFiles) -> Result<Value> {
         return Ok(Value::Null);
     };
     let text = file.read_all("labels", MAX_LABEL_BYTES)?;
-    serde_json::from_slice(&text).map_err(|e| error!(Corrupt, "{}", file.path().display(); found "{e}"))
+    serde_json::from_slice(&utf8_bytes(&text))
+        .map_err(|e| error!(Corrupt, "{}", file.path().display(); found "{e}"))
 }
 
 /// Returns a map of the labels at `readout`. `kind` is `depth`, `instance`, `semantic` or `flow`.
@@ -53,7 +54,11 @@ pub(crate) fn label_map(files: &SequenceFiles, readout: u64, kind: &str) -> Resu
 fn parse_map(name: &str, bytes: &[u8]) -> Result<LabelMap> {
     let (header, values) = npy::read_values(name, bytes)?;
     let [height, width] = header.shape[..] else {
-        return Err(corrupt(name, format_args!("shape {:?}", header.shape), "two dimensions"));
+        return Err(corrupt(
+            name,
+            format_args!("shape {}", npy::shape_text(&header.shape)),
+            "two dimensions",
+        ));
     };
     Ok(LabelMap {
         width: width as usize,

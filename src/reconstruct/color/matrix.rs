@@ -66,7 +66,8 @@ impl ColorMatrix {
     pub fn from_white(mosaic: &Mosaic, white: &[f64]) -> Result<Self> {
         let channels = mosaic.channels();
         if white.len() != channels.len() || !white.iter().all(|w| w.is_finite() && *w > 0.0) {
-            bail!(Config, "white balance"; found "{white:?}";
+            let white: Vec<_> = white.iter().map(f64::to_string).collect();
+            bail!(Config, "white balance"; found "{}", white.join(", ");
                 expected "{} positive numbers, one per channel of {mosaic}", channels.len());
         }
         let row = |name: char| -> Result<Vec<f64>> {

@@ -26,7 +26,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Error, ErrorKind, Result, Setting};
-use spikelane::unstable::inputs::{Access, InnerPath, PlainName, not_found_as_none, read_bytes};
+use spikelane::unstable::inputs::{
+    Access, InnerPath, PlainName, deserialize_digest, not_found_as_none, read_bytes, utf8_bytes,
+};
 use spikelane_io::storage::{self, Digest, OutputSet, folders};
 
 use crate::generated::{GeneratedSequence, GeneratedSuite};
@@ -147,6 +149,7 @@ pub struct RunDescription {
     /// Version of the suite.
     pub version: String,
     /// Digest of the suite.
+    #[serde(deserialize_with = "deserialize_digest")]
     pub digest: String,
     /// The method.
     pub method: Method,
@@ -268,8 +271,8 @@ pub fn run(
 pub fn read_description(folder: &Path) -> Result<Option<RunDescription>> {
     let path = InnerPath::from(RUN_FILE).resolve_in(folder, Access::Read)?;
     let Some(text) = not_found_as_none(read_bytes(&path, "a run", MAX_RUN_BYTES))? else { return Ok(None) };
-    let run: RunDescription =
-        serde_json::from_slice(&text).map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
+    let run: RunDescription = serde_json::from_slice(&utf8_bytes(&text))
+        .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
     if run.format_version != FORMAT_VERSION {
         return Err(Error::new(ErrorKind::Config, path.display())
             .found(format_args!("version {} of the format", run.format_version))

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::{Access, InnerPath, PlainName, not_found_as_none, read_bytes};
+use spikelane::unstable::inputs::{Access, InnerPath, PlainName, not_found_as_none, read_bytes, utf8_bytes};
 
 /// Maximum size of a result in bytes.
 const MAX_RESULT_BYTES: u64 = 64 << 10;
@@ -67,7 +67,7 @@ pub(crate) fn read_result(
     let path = result_path(group, id).resolve_in(folder, Access::Read)?;
     let text = read_bytes(&path, "a result", MAX_RESULT_BYTES);
     let Some(text) = not_found_as_none(text)? else { return Ok(None) };
-    let result: SequenceResult = serde_json::from_slice(&text).map_err(|e| {
+    let result: SequenceResult = serde_json::from_slice(&utf8_bytes(&text)).map_err(|e| {
         Error::new(ErrorKind::Config, path.display()).found(e).expected("the result of a sequence")
     })?;
     result.check(path.display(), limit)?;

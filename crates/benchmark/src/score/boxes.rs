@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::read_bytes;
+use spikelane::unstable::inputs::{read_bytes, utf8_bytes};
 
 use super::MAX_REFERENCE_BYTES;
 use crate::detection::{
@@ -89,8 +89,8 @@ pub(super) type Tracks = BTreeMap<u64, Vec<TrackedBox>>;
 /// Reads the `labels.json` of a sequence.
 pub(super) fn read_labels(path: &Path) -> Result<Vec<LabeledReadout>> {
     let text = read_bytes(path, "labels", MAX_REFERENCE_BYTES)?;
-    let labels: LabelFile =
-        serde_json::from_slice(&text).map_err(|e| Error::new(ErrorKind::Corrupt, path.display()).found(e))?;
+    let labels: LabelFile = serde_json::from_slice(&utf8_bytes(&text))
+        .map_err(|e| Error::new(ErrorKind::Corrupt, path.display()).found(e))?;
     Ok(labels.frames)
 }
 
@@ -131,7 +131,7 @@ pub(super) fn detection_truth(labels: &[LabeledReadout], readout: u64) -> Vec<Gr
 
 /// Reads detections, or returns the fault in one line.
 pub(super) fn decode_detections(bytes: &[u8]) -> std::result::Result<Vec<Detection>, String> {
-    let all: Vec<DetectedBox> = serde_json::from_slice(bytes).map_err(|e| output_fault(&e))?;
+    let all: Vec<DetectedBox> = serde_json::from_slice(&utf8_bytes(bytes)).map_err(|e| output_fault(&e))?;
     check_count(all.len())?;
     all.into_iter()
         .map(|one| {
@@ -149,7 +149,8 @@ pub(super) fn decode_detections(bytes: &[u8]) -> std::result::Result<Vec<Detecti
 
 /// Reads tracks, or returns the fault in one line. A labeled readout without an entry has no boxes.
 pub(super) fn decode_tracks(bytes: &[u8], labels: &[LabeledReadout]) -> std::result::Result<Tracks, String> {
-    let all: Vec<TrackedReadout> = serde_json::from_slice(bytes).map_err(|e| output_fault(&e))?;
+    let all: Vec<TrackedReadout> =
+        serde_json::from_slice(&utf8_bytes(bytes)).map_err(|e| output_fault(&e))?;
     let mut tracks = Tracks::new();
     for one in all {
         check_count(one.boxes.len())?;
@@ -229,4 +230,21 @@ pub(super) fn detection_metrics(scores: &DetectionScores) -> [(&'static str, Opt
 /// Returns the scores of tracks with the names of their metrics.
 pub(super) fn tracking_metrics(scores: &TrackingScores) -> [(&'static str, f64); 4] {
     [("hota", scores.hota), ("det_a", scores.det_a), ("ass_a", scores.ass_a), ("loc_a", scores.loc_a)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_may_have_a_byte_order_mark_or_be_in_utf_16() {
+        let text = "\u{feff}[{\"readout\": 3, \"boxes\": []}]";
+        let utf16: Vec<u8> = text.encode_utf16().flat_map(u16::to_be_bytes).collect();
+        for bytes in [text.as_bytes(), &utf16] {
+            let read: Vec<TrackedReadout> = serde_json::from_slice(&utf8_bytes(bytes)).unwrap();
+            assert_eq!((read[0].readout, read[0].boxes.len()), (3, 0));
+            assert!(decode_tracks(bytes, &[]).is_err_and(|fault| fault.contains("readout 3")));
+        }
+        assert_eq!(decode_detections(b"\xEF\xBB\xBF[]"), Ok(Vec::new()));
+    }
 }

@@ -152,8 +152,9 @@ pub(super) fn decode_array(bytes: &[u8], expected: &[u64]) -> std::result::Resul
     let sides = |shape: &[u64]| -> Vec<u64> { shape.iter().copied().filter(|side| *side != 1).collect() };
     if sides(&header.shape) != sides(expected) {
         return Err(format!(
-            "output of the method: found the shape {:?}, expected {expected:?}",
-            header.shape
+            "output of the method: found the shape {}, expected {}",
+            npy::shape_text(&header.shape),
+            npy::shape_text(expected)
         ));
     }
     let values: Vec<f32> = values.into_iter().map(|v| v as f32).collect();

@@ -1,6 +1,7 @@
 //! Differences between two score files.
 
 use serde_json::Value;
+use spikelane::error::excerpt;
 
 /// Returns one line for each value that differs, in the order of the keys.
 pub(super) fn difference_lines(listed: &Value, computed: &Value) -> Vec<String> {
@@ -10,7 +11,10 @@ pub(super) fn difference_lines(listed: &Value, computed: &Value) -> Vec<String> 
 }
 
 fn add_differences(subject: &str, listed: &Value, computed: &Value, lines: &mut Vec<String>) {
-    let inside = |part: &str| if subject.is_empty() { part.to_owned() } else { format!("{subject} {part}") };
+    let inside = |part: &str| {
+        let part = excerpt(part);
+        if subject.is_empty() { part.into_owned() } else { format!("{subject} {part}") }
+    };
     match (listed, computed) {
         _ if listed == computed => {}
         (Value::Object(a), Value::Object(b)) => {
@@ -48,8 +52,8 @@ fn element_name(element: &Value, index: usize) -> String {
 fn value_text(value: &Value) -> String {
     match value {
         Value::Null => "nothing".to_owned(),
-        Value::String(text) => text.clone(),
-        other => other.to_string(),
+        Value::String(text) => excerpt(text).into_owned(),
+        other => excerpt(&other.to_string()).into_owned(),
     }
 }
 
@@ -78,5 +82,9 @@ mod tests {
             ]
         );
         assert!(difference_lines(&file(1.0, None, &[]), &file(1.0, None, &[])).is_empty());
+        let long = "x".repeat(30_000);
+        for line in difference_lines(&json!({ &long: &long }), &json!({ &long: [&long] })) {
+            assert!(line.len() < 800, "{} bytes", line.len());
+        }
     }
 }

@@ -18,7 +18,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::{PlainName, read_bytes};
+use spikelane::unstable::inputs::{PlainName, deserialize_digest, read_bytes, utf8_bytes};
 use spikelane::unstable::threads;
 use spikelane_measure::report::{is_date, today};
 
@@ -53,9 +53,10 @@ pub struct SequenceScore {
     /// Name of the sequence.
     pub id: PlainName,
     /// Digest of the stream.
+    #[serde(deserialize_with = "deserialize_digest")]
     pub stream_digest: String,
     /// Digest of the output, or `None` if there is no output.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "deserialize_digest", skip_serializing_if = "Option::is_none")]
     pub output_digest: Option<String>,
     /// Why the sequence has the scores of the trivial answer, in one line.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -97,6 +98,7 @@ pub struct ScoreFile {
     /// Version of the suite.
     pub version: String,
     /// Digest of the suite.
+    #[serde(deserialize_with = "deserialize_digest")]
     pub digest: String,
     /// The commitment of a sealed suite.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -239,7 +241,7 @@ impl ScoreFile {
         let invalid = |found: &dyn std::fmt::Display| {
             Error::new(ErrorKind::Config, path.display()).found(found).expected("a score file")
         };
-        let file: Self = serde_json::from_slice(&text).map_err(|e| invalid(&e))?;
+        let file: Self = serde_json::from_slice(&utf8_bytes(&text)).map_err(|e| invalid(&e))?;
         if file.format_version != FORMAT_VERSION {
             return Err(invalid(&format_args!("version {} of the format", file.format_version))
                 .expected(FORMAT_VERSION));

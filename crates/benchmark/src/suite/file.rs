@@ -6,7 +6,7 @@ use toml::{Table, Value};
 use spikelane::error::Result;
 use spikelane::presets;
 use spikelane::unstable::error::toml_fault;
-use spikelane::unstable::inputs::PlainName;
+use spikelane::unstable::inputs::{PlainName, deserialize_digest};
 
 use super::curve::{Curve, CurveValue, Quantity};
 use super::{SCORED_SPLIT, Suite, SuiteSplit, Task, config_error, dataset_options};
@@ -30,6 +30,7 @@ struct SuiteFile {
     release: String,
     task: Task,
     metrics: Vec<String>,
+    #[serde(default, deserialize_with = "deserialize_digest")]
     digest: Option<String>,
     sealed: Option<String>,
     dataset: Table,

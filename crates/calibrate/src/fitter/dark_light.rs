@@ -14,8 +14,8 @@
 //! Without light, both threshold noise and quanta keep their values. With the largest light, threshold noise is lower and the
 //! variance of a quantum higher. The stated errors cover both cases.
 
-use super::noise::VarianceGrowth;
-use super::state::Fitter;
+use super::state::{DarkLightRange, Fitter, VarianceGrowth};
+use crate::formulas::fit::PixelFit;
 use crate::recordings::observations::Flicker;
 use spikelane::pixel::NoiseSampling;
 use spikelane_measure::Estimate;
@@ -25,17 +25,6 @@ const EXCEPTION_SHARE: f64 = 0.005;
 
 /// Smallest part of the variance of the threshold noise for which a note is added. It changes the noise by a twentieth.
 const MIN_NOTED_SHARE: f64 = 0.1;
-
-/// Changes of the estimated noise for the largest light that the dark recording may contain.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct DarkLightRange {
-    /// Largest light that the dark recording may contain. Light 1 causes one spike per readout.
-    pub(super) max_light: f64,
-    /// Part of the variance of the threshold noise that may be shot noise of light, in squared thresholds.
-    pub(super) threshold_variance: f64,
-    /// Increase of the variance per spike that the quanta of light cause, in squared thresholds.
-    pub(super) quanta_variance: f64,
-}
 
 /// The variance per spike of a dark pixel, with its expected parts.
 pub(super) struct DarkVariance {
@@ -71,7 +60,7 @@ impl Fitter<'_> {
     /// Returns the largest light that the dark recording may contain: with few exceptions, no pixel has a lower dark rate than
     /// this light causes. It is infinite before the first fit.
     fn max_dark_light(&self) -> f64 {
-        let limit = |f: &crate::formulas::fit::PixelFit| (f.d.max(0.0) + 2.0 * f.var_d.sqrt()) / f.a;
+        let limit = |f: &PixelFit| (f.d.max(0.0) + 2.0 * f.var_d.sqrt()) / f.a;
         let mut limits: Vec<f64> = self.fits.iter().map(limit).filter(|l| l.is_finite()).collect();
         limits.sort_by(f64::total_cmp);
         limits.get((EXCEPTION_SHARE * limits.len() as f64) as usize).copied().unwrap_or(f64::INFINITY)

@@ -3,8 +3,8 @@
 //! * `sigma`: standard deviation of the threshold noise of a nominal pixel, in thresholds.
 //! * `K`: quanta of light per spike of a nominal pixel.
 
-use super::dark_light::{DarkLightRange, DarkVariance, light_slope};
-use super::state::{Fitter, ZERO_ESTIMATE};
+use super::dark_light::{DarkVariance, light_slope};
+use super::state::{DarkLightRange, Fitter, VarianceGrowth, ZERO_ESTIMATE};
 use crate::formulas::phase::{interval_growth_ratio, mean_draw_ratio};
 use crate::formulas::selection::{self, redraw_end_variance};
 use crate::recordings::observations::{LightLevel, MAX_GROWTH_RATE};
@@ -33,20 +33,6 @@ fn growth_precision(level: &LightLevel, p: usize) -> f64 {
         n if n < 32.0 => (n - 4.0).max(0.0).powi(2) / 28.0,
         n => n - 4.0,
     }
-}
-
-/// The growth of the interval variance of a level, and the contributions of the noise sources to this growth.
-pub(super) struct VarianceGrowth {
-    /// Phase variance per spike, in squared thresholds of the pixel itself.
-    pub(super) variance_per_spike: Estimate,
-    /// Variance per spike that `sigma^2 = 1` would cause, where `sigma` is the noise of a nominal pixel.
-    pub(super) threshold_coefficient: f64,
-    /// Variance per spike that `1 / K = 1` would cause.
-    pub(super) light_coefficient: f64,
-    /// Variance per spike that light `L` in the dark recording would cause for `L / K = 1`.
-    pub(super) dark_light_coefficient: f64,
-    /// Estimate of `L / K` from the pixels of a dark level. It is 0 for a lit level.
-    pub(super) dark_light_slope: Estimate,
 }
 
 impl Fitter<'_> {

@@ -8,7 +8,6 @@
 //! * `psi`: rate that redrawn noise adds, divided by the variance of the noise. [`noise_rate_gain`] returns it.
 
 use super::alignment::Alignment;
-use super::dark_light::DarkLightRange;
 use crate::formulas::fit::{PixelFit, RateWeighting, correct_end_bias};
 use crate::formulas::selection::{firing_draw_variance, noise_rate_gain};
 use crate::recordings::color_filters::PixelClasses;
@@ -86,6 +85,31 @@ impl GainShape {
         let factor = self.field[p];
         PixelFit { a: fit.a / factor, var_a: fit.var_a / (factor * factor), cov: fit.cov / factor, ..*fit }
     }
+}
+
+/// Changes of the estimated noise for the largest light that the dark recording may contain.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct DarkLightRange {
+    /// Largest light that the dark recording may contain. Light 1 causes one spike per readout.
+    pub(super) max_light: f64,
+    /// Part of the variance of the threshold noise that may be shot noise of light, in squared thresholds.
+    pub(super) threshold_variance: f64,
+    /// Increase of the variance per spike that the quanta of light cause, in squared thresholds.
+    pub(super) quanta_variance: f64,
+}
+
+/// The growth of the interval variance of a level, and the contributions of the noise sources to this growth.
+pub(super) struct VarianceGrowth {
+    /// Phase variance per spike, in squared thresholds of the pixel itself.
+    pub(super) variance_per_spike: Estimate,
+    /// Variance per spike that `sigma^2 = 1` would cause, where `sigma` is the noise of a nominal pixel.
+    pub(super) threshold_coefficient: f64,
+    /// Variance per spike that `1 / K = 1` would cause.
+    pub(super) light_coefficient: f64,
+    /// Variance per spike that light `L` in the dark recording would cause for `L / K = 1`.
+    pub(super) dark_light_coefficient: f64,
+    /// Estimate of `L / K` from the pixels of a dark level. It is 0 for a lit level.
+    pub(super) dark_light_slope: Estimate,
 }
 
 pub(super) struct Fitter<'a> {

@@ -231,7 +231,7 @@ fn read_rate_map(folder: &Path, map: &RateMap, geometry: Geometry) -> Result<Lig
     };
     let (header, rate) = npy::read_map(&path.display().to_string(), &mut BufReader::new(file.reader()))?;
     if header.shape != [geometry.height() as u64, geometry.width() as u64] {
-        return Err(wrong(format!("shape {:?}", header.shape)));
+        return Err(wrong(format!("shape {}", npy::shape_text(&header.shape))));
     }
     if let Some(bad) = rate.iter().find(|r| !(0.0..=1.0).contains(*r)) {
         return Err(wrong(format!("a rate of {bad}")).remedy("rates are spikes per readout, 0 to 1"));

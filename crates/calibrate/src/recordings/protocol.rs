@@ -298,7 +298,7 @@ impl Protocol {
             camera: Some(CameraFacts::new(camera)?),
             mosaic: mosaic.as_ref().map(MosaicFacts::new),
             light: Some(LightFacts {
-                source: format!("{light:?}, in full scales"),
+                source: format!("{light}, in full scales"),
                 transfer: "linear".to_owned(),
                 interpolation: "hold".to_owned(),
                 exposure_electrons: camera.operating_point(0.0).electrons

@@ -49,7 +49,11 @@ pub fn import_maps(archive: &Path, folder: &Path, force: bool) -> Result<PathBuf
             .expected("maps D_light and Nd of the same size, finite and above 0")
     };
     if shape != other {
-        return Err(impossible(format!("D_light of {shape:?} and Nd of {other:?}")));
+        return Err(impossible(format!(
+            "D_light of {} and Nd of {}",
+            npy::shape_text(&shape),
+            npy::shape_text(&other)
+        )));
     }
     if let Some(bad) = waits.iter().find(|d| !(d.is_finite() && **d > 0.0)) {
         return Err(impossible(format!("D_light of {bad}")));
@@ -109,7 +113,7 @@ fn read_map(path: &Path, names: &[&str]) -> Result<([u64; 2], Vec<f64>)> {
     let shape = <[u64; 2]>::try_from(&header.shape[..]).ok().filter(|s| s.iter().all(|n| *n > 0));
     let shape = shape.ok_or_else(|| {
         Error::new(ErrorKind::Input, &subject)
-            .found(format_args!("shape {:?}", header.shape))
+            .found(format_args!("shape {}", npy::shape_text(&header.shape)))
             .expected("(height, width)")
     })?;
     Ok((shape, values))

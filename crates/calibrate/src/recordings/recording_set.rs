@@ -1,5 +1,6 @@
 //! Recording sets. A set lists the recordings of one camera, and the light of each recording.
 
+use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -64,6 +65,22 @@ pub enum StimulusPattern {
     StaticUnknown {},
 }
 
+/// Writes the light in units of full scale, such as `0.3` or `0.5 and 0.1 in turns of 20 readouts`.
+impl fmt::Display for Stimulus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Level(level) => level.fmt(f),
+            Self::Scene(StimulusPattern::Square { high, low, half_period }) => {
+                write!(f, "{high} and {low} in turns of {half_period} readouts")
+            }
+            Self::Scene(StimulusPattern::Checkerboard { high, low, cell }) => {
+                write!(f, "{high} and {low} in squares of {cell} pixels")
+            }
+            Self::Scene(StimulusPattern::StaticUnknown {}) => f.write_str("an unknown scene"),
+        }
+    }
+}
+
 impl Stimulus {
     /// Returns the level of pixel `(row, col)` at `readout`, or `None` for an unknown scene.
     #[must_use]
@@ -118,9 +135,9 @@ impl Stimulus {
         if !levels.iter().all(is_usable) || length == 0 {
             return Err(Error::new(ErrorKind::Config, format_args!("light of {file}"))
                 .found(match self {
-                    Self::Level(level) => format!("{level:?}"),
+                    Self::Level(level) => level.to_string(),
                     Self::Scene(_) => {
-                        format!("levels {:?} and {:?}, length {length}", levels[0], levels[1])
+                        format!("levels {} and {}, length {length}", levels[0], levels[1])
                     }
                 })
                 .expected(format_args!(

@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use image::{DynamicImage, ImageReader};
 use spikelane::light::Frame;
 use spikelane::{Camera, Error, ErrorKind, Geometry, Result, presets};
-use spikelane_io::light::natural_order::natural_cmp;
-use spikelane_io::light::{InputOptions, ResizeMode, Transfer, image_file, open};
+use spikelane_io::light::{InputOptions, ResizeMode, Transfer, image_file, image_files, open};
 
 use super::{Args, Peer};
 
@@ -31,7 +30,7 @@ pub(super) fn write(args: &Args, folder: &Path) -> Result<FrameFolder> {
     let input = &args.input;
     let is_image = image_file::is_image(input);
     if input.is_dir() {
-        for path in images_in(input)?.iter().take(readouts) {
+        for path in image_files(input, false)?.iter().take(readouts) {
             writer.add(&read_image(path)?, path)?;
         }
     } else if is_image {
@@ -58,16 +57,6 @@ pub(super) fn write(args: &Args, folder: &Path) -> Result<FrameFolder> {
     }
     let readouts = if is_still { readouts } else { writer.count };
     Ok(FrameFolder { folder: writer.folder, geometry, readouts, is_still })
-}
-
-/// Returns the images in a folder in natural order.
-fn images_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    let failed = |e| Error::io(folder.display(), e);
-    let entries = std::fs::read_dir(folder).map_err(failed)?;
-    let paths = entries.map(|entry| Ok(entry.map_err(failed)?.path())).collect::<Result<Vec<_>>>()?;
-    let mut images: Vec<PathBuf> = paths.into_iter().filter(|path| image_file::is_image(path)).collect();
-    images.sort_by(|a, b| natural_cmp(&a.to_string_lossy(), &b.to_string_lossy()));
-    Ok(images)
 }
 
 fn read_image(path: &Path) -> Result<DynamicImage> {
@@ -124,6 +113,8 @@ impl Writer<'_> {
                 .with_transfer(Some(Transfer::Linear))
                 .with_resize_mode(ResizeMode::Cover)
                 .with_is_video(true)
+                .with_scale(self.args.full_scale)
+                .with_accept_damage(self.args.accept_damage)
         };
         let stored = open(path, &options(Geometry::new(8, 8)?))?.stored_geometry().ok_or_else(|| {
             Error::new(ErrorKind::Usage, path.display())

@@ -79,6 +79,14 @@ pub(crate) struct Args {
     /// Cut this size from the center [default: all; for scsim, at most 64x48]
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     crop: Option<Geometry>,
+    /// Set the code or value of full scale [default: the largest code, or 1.0]
+    #[arg(long, value_name = "VALUE")]
+    full_scale: Option<f64>,
+    /// Use the part of a damaged image or video that can be decoded
+    ///
+    /// By default, damage is an error. With this flag, a warning describes the damage.
+    #[arg(long)]
+    accept_damage: bool,
     /// Run scsim N times
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=50))]
     runs: u8,

@@ -20,6 +20,19 @@ pub(crate) fn ignore_file_size_signal() {
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
 }
 
+/// Memory in bytes that the program needs to print its version, with its stack.
+const START_BYTES: usize = 4 << 20;
+
+/// Returns whether the process has the memory to start. Otherwise, prints a message without allocations.
+pub(crate) fn has_memory_to_start() -> bool {
+    let has_memory = Vec::<u8>::new().try_reserve_exact(START_BYTES).is_ok();
+    if !has_memory {
+        // If standard error is closed, there is nowhere to report it.
+        let _ = std::io::stderr().write_all(b"spikelane: not enough memory to start\n");
+    }
+    has_memory
+}
+
 /// Makes the exit code of a failed allocation the code for missing memory, while the returned value lives.
 ///
 /// The library checks allocations whose size depends on the input. When a small allocation fails, the standard library

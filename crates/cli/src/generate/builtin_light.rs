@@ -43,6 +43,7 @@ impl LightArgs {
             scale: self.full_scale,
             is_video: self.video,
             accept_damage: self.accept_damage,
+            follow_links: self.follow_links,
             ..InputOptions::from_camera(camera)
         }
     }

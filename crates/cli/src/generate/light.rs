@@ -115,6 +115,11 @@ pub(crate) struct LightArgs {
     /// By default, damage is an error. With this flag, a warning describes the damage.
     #[arg(hide_short_help = true, long, requires = "input", help_heading = "Light")]
     pub accept_damage: bool,
+    /// Follow links to files outside the folder
+    ///
+    /// By default, a link to a file outside the folder is an error.
+    #[arg(hide_short_help = true, long, requires = "input", help_heading = "Light")]
+    pub follow_links: bool,
     /// Move the camera over an image, such as pan=120,0:zoom=1.2:rotate=30 [default: no motion]
     ///
     /// pan is in pixels, zoom is a factor, and rotate is in degrees, each per second.

@@ -131,7 +131,8 @@ pub(crate) fn markdown(rows: &[ErrorRow]) -> String {
     let mut text = format!(
         "Absolute difference from a render of the same instant with 16 samples per pixel, in percent of white. \
          Light above {MAX_LIGHT} times white is clipped. Edge pixels adjoin another object or another depth. \
-         400x250 pixels at {READOUT_HZ} Hz, scene seeds {SEEDS:?}, readouts {FIRST_COMPARED_READOUT}, {}, ... below {READOUTS}.\n\n",
+         400x250 pixels at {READOUT_HZ} Hz, scene seeds {}, readouts {FIRST_COMPARED_READOUT}, {}, ... below {READOUTS}.\n\n",
+        SEEDS.map(|seed| seed.to_string()).join(", "),
         FIRST_COMPARED_READOUT + COMPARED_READOUT_STEP
     );
     text += "| light | mean | 99th percentile | 99.9th percentile | maximum |\n|---|--:|--:|--:|--:|\n";

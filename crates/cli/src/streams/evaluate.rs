@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use spikelane::reconstruct::DetailReference;
 use spikelane::sensor::Mosaic;
-use spikelane::unstable::{Count, inputs, threads};
+use spikelane::unstable::inputs::{self, Access, check_link};
+use spikelane::unstable::{Count, threads};
 use spikelane::{Error, ErrorKind, Result};
 use spikelane_io::formats::StreamReader;
 
@@ -240,11 +241,13 @@ fn evaluation_points(args: &Args, reader: &StreamReader) -> Result<Vec<Evaluatio
             "images named by their readouts, such as 000100.png, as written by `simulate --images-every`",
         )
     };
+    let access = Access::for_reading(args.follow_links);
     let mut all = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder.display(), e))? {
         let path = entry.map_err(|e| Error::io(folder.display(), e))?.path();
         let name = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
         if let Ok(at) = name.parse::<usize>() {
+            check_link(folder, &path, access)?;
             all.push(EvaluationPoint { at, reference: Some(path) });
         }
     }

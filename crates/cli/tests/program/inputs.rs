@@ -91,6 +91,34 @@ fn a_folder_is_refused_where_a_file_is_meant() {
     }
 }
 
+/// Editors on Windows write JSON with a byte order mark, or in UTF-16.
+#[test]
+fn json_with_a_byte_order_mark_and_in_utf_16_is_read() {
+    let place = TestFolder::new();
+    place
+        .run_ok("simulate --builtin-light chart --width 32 --height 24 --readouts 20 --images-every 10 -o c");
+    let scenes =
+        "--scene-preset tiny --sequences 1 --images-per-scene 3 --label-every 2 --width 32 --height 24";
+    place.run_ok(&format!("dataset {scenes} -o set"));
+    place.run_ok(&format!("dataset plan {scenes} --sequences-per-shard 1 -o p"));
+    let commands =
+        [("c.json", "verify c.json"), ("c.json", "inspect c.dat"), ("p/plan.json", "dataset status p")];
+    let utf8 = |text: &str| format!("\u{feff}{text}").into_bytes();
+    let utf16 =
+        |text: &str| format!("\u{feff}{text}").encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
+    for (file, line) in commands {
+        let text = std::fs::read_to_string(place.path(file)).unwrap();
+        for bytes in [utf8(&text), utf16(&text)] {
+            place.write(file, bytes);
+            place.run_ok(line);
+        }
+        place.write(file, text);
+    }
+    let manifest = std::fs::read_to_string(place.path("set/manifest.jsonl")).unwrap();
+    place.write("set/manifest.jsonl", utf8(&manifest));
+    place.run_ok("dataset stats set");
+}
+
 /// Returns a command that runs on one thread and with at most `megabytes` of address space.
 fn limited_command(place: &TestFolder, megabytes: u32, line: &str) -> Command {
     let shell = format!("ulimit -v {}; exec {} {line}", megabytes << 10, env!("CARGO_BIN_EXE_spikelane"));
@@ -162,6 +190,25 @@ fn tables_of_each_pixel_end_with_a_code_where_memory_is_missing() {
                 ran.stderr
             );
         }
+    }
+}
+
+/// The arguments, the signal handler and the stack need memory before an error can be reported. The range of limits is
+/// smaller than the memory that the program requires at its start, so the system can load the program with all of them.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_program_without_memory_to_start_ends_with_a_code() {
+    let code = |kibibytes: u32| {
+        let shell = format!("ulimit -v {kibibytes}; exec {} --version", env!("CARGO_BIN_EXE_spikelane"));
+        Command::new("sh").args(["-c", &shell]).output().unwrap().status.code()
+    };
+    let (mut without, mut with) = (1 << 14, 1 << 20);
+    while with - without > 64 {
+        let middle = u32::midpoint(without, with);
+        if code(middle) == Some(0) { with = middle } else { without = middle }
+    }
+    for kibibytes in (without - 3500..=without).step_by(28) {
+        assert_eq!(code(kibibytes), Some(11), "{kibibytes} KiB");
     }
 }
 

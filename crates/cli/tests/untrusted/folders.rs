@@ -197,6 +197,109 @@ fn links_out_of_a_data_set_are_read_only_where_the_user_allows_it() {
     run_ok(top, &format!("dataset {SCENES} -o named --resume"));
 }
 
+/// A folder of images of another person contains a link to a file of the user.
+#[test]
+fn a_folder_of_images_is_read_through_links_only_where_the_user_allows_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let top = dir.path();
+    fs::create_dir_all(top.join("in/clip")).unwrap();
+    let frame =
+        |name: &str, value: u8| fs::write(top.join(name), format!("P2 2 1 255 {value} {value}")).unwrap();
+    for i in 0..3 {
+        frame(&format!("in/clip/{i}.pgm"), i);
+    }
+    frame("secret.pgm", 200);
+    fs::write(top.join("secret.txt"), "0\n0.001\n0.002\n").unwrap();
+    let simulate = "simulate in/clip -o out --force --width 8 --height 8 --readouts 8";
+    let dataset = "dataset --from in -o set --width 8 --height 8 --readouts-per-frame 4";
+    let plan = "dataset plan --from in -o plan --sequences-per-shard 1 --width 8 --height 8";
+    // A link inside the folder is allowed.
+    symlink("2.pgm", top.join("in/clip/3.pgm")).unwrap();
+    run_ok(top, simulate);
+    for (link, target, lines) in [
+        ("in/clip/4.pgm", "../../secret.pgm", &[simulate, dataset, plan][..]),
+        ("in/clip/timestamps.txt", "../../secret.txt", &[simulate, dataset]),
+        ("in/alone.npy", "../secret.pgm", &[dataset, plan]),
+    ] {
+        symlink(target, top.join(link)).unwrap();
+        for line in lines {
+            let (code, text) = run(top, line);
+            assert!(
+                code == 4 && text.contains("points outside the folder"),
+                "{link}: {line}: {code}: {text}"
+            );
+        }
+        if link == "in/clip/4.pgm" {
+            run_ok(top, &format!("{simulate} --follow-links"));
+            run_ok(top, &format!("{dataset} --follow-links"));
+        }
+        let _ = fs::remove_dir_all(top.join("set"));
+        fs::remove_file(top.join(link)).unwrap();
+    }
+    // A file of times that is not required is not used, and a note reports it.
+    symlink("../../secret.txt", top.join("in/clip/images.csv")).unwrap();
+    let (code, text) = run(top, simulate);
+    assert!(code == 0 && text.contains("images.csv is not used for the times"), "{code}: {text}");
+}
+
+#[test]
+fn files_of_a_dataset_contain_no_path_of_the_inputs() {
+    let dir = tempfile::tempdir().unwrap();
+    let top = dir.path();
+    fs::create_dir_all(top.join("in")).unwrap();
+    for i in 0..3 {
+        fs::write(top.join(format!("in/{i}.pgm")), format!("P2 2 1 255 {i} {i}")).unwrap();
+    }
+    fs::write(top.join("in/notes.md"), "This file is ignored, and a note reports it.").unwrap();
+    let line =
+        format!("dataset --from {}/in -o set --width 8 --height 8 --readouts-per-frame 4", top.display());
+    run_ok(top, &line);
+    fn check(folder: &Path, text: &str) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                check(&path, text);
+            } else {
+                let bytes = fs::read(&path).unwrap();
+                assert!(!bytes.windows(text.len()).any(|part| part == text.as_bytes()), "{}", path.display());
+            }
+        }
+    }
+    check(&top.join("set"), top.to_str().unwrap());
+    // The same inputs are found again, and other inputs in a folder of the same name are read again.
+    let (code, text) = run(top, &format!("{line} --resume"));
+    assert!(code == 0 && text.contains("0 generated"), "{code}: {text}");
+    fs::create_dir_all(top.join("other/in")).unwrap();
+    for i in 0..3 {
+        fs::write(top.join(format!("other/in/{i}.pgm")), format!("P2 2 1 255 {0} {0}", i + 9)).unwrap();
+    }
+    let (code, text) = run(top, &format!("{} --resume", line.replace("/in ", "/other/in ")));
+    assert!(code == 0 && text.contains("1 generated"), "{code}: {text}");
+}
+
+/// A digest in a file is quoted by an error, so it has a fixed length.
+#[test]
+fn a_long_digest_is_refused_with_a_short_message() {
+    let dir = tempfile::tempdir().unwrap();
+    let top = dir.path();
+    run_ok(top, "simulate --builtin-light chart --width 32 --height 24 --readouts 20 --images-every 10 -o c");
+    run_ok(top, &format!("dataset plan {SCENES} --sequences-per-shard 1 -o p"));
+    run_ok(top, "dataset run p --shards all");
+    run_ok(top, "dataset merge p");
+    let long = format!("blake3:{}", "a".repeat(30_000));
+    for (file, pointer, line) in [
+        ("c.json", "/digest", "verify c.dat"),
+        ("c.json", "/images/files/0/digest", "verify c.json"),
+        ("p/shards/000000/sequences/scene-0000/record.json", "/files/0/digest", "dataset stats p"),
+    ] {
+        let text = fs::read(top.join(file)).unwrap();
+        edit(&top.join(file), |value| *value.pointer_mut(pointer).unwrap() = long.as_str().into());
+        let (code, message) = run(top, line);
+        assert!([3, 9].contains(&code) && message.len() < 1000, "{file}: {code}: {} bytes", message.len());
+        fs::write(top.join(file), text).unwrap();
+    }
+}
+
 #[test]
 fn nothing_is_written_or_removed_through_a_link() {
     let dir = tempfile::tempdir().unwrap();

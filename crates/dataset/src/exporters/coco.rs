@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::hidden_file::HiddenFile;
 use crate::{DatasetOptions, SequenceEntry, Split, labels};
 use spikelane::error::{Error, ErrorKind, Result};
-use spikelane::unstable::inputs::{InnerPath, PARTIAL_ENDING, PlainName, read_bytes};
+use spikelane::unstable::inputs::{InnerPath, PARTIAL_ENDING, PlainName, read_bytes, utf8_bytes};
 use spikelane_io::storage::{folders, sync};
 
 /// Name of the file in the folder of a split.
@@ -88,7 +88,7 @@ impl CocoWriter {
         let bad = |found: &dyn std::fmt::Display| {
             Error::new(ErrorKind::Corrupt, path.display()).found(found).expected("COCO lists")
         };
-        let mut annotations: Value = serde_json::from_slice(&bytes).map_err(|e| bad(&e))?;
+        let mut annotations: Value = serde_json::from_slice(&utf8_bytes(&bytes)).map_err(|e| bad(&e))?;
         let below = entry.path().join("images");
         let (images_before, annotations_before) = (self.images.count, self.annotations.count);
         let shift = |value: &mut Value, key: &str, by: u64| -> Result<()> {

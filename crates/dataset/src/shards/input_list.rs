@@ -12,7 +12,9 @@ use crate::{DatasetOptions, InputContent};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::Count;
 use spikelane::unstable::draws::RandomStream;
-use spikelane::unstable::inputs::{Access, InnerPath, InputFile, PARTIAL_ENDING, PlainName, zeroed_vec};
+use spikelane::unstable::inputs::{
+    Access, InnerPath, InputFile, PARTIAL_ENDING, PlainName, deserialize_digest, zeroed_vec,
+};
 use spikelane_io::storage::{Digest, folders, sync};
 
 /// File name of the list in the plan's folder.
@@ -23,6 +25,7 @@ const FILE_NAME: &str = "inputs.jsonl";
 pub(super) struct ListSlice {
     pub(super) offset: u64,
     pub(super) bytes: u64,
+    #[serde(deserialize_with = "deserialize_digest")]
     pub(super) digest: String,
 }
 
@@ -116,9 +119,10 @@ pub(super) fn write_list(
     let (mut count, mut at) = (0u64, 0u64);
     let mut digest = Digest::new();
     let mut names = Vec::new();
-    discover::for_each_input(inputs, &options.output, &mut |found| {
+    discover::for_each_input(options, inputs, &mut |found| {
+        let path = discover::input_path(inputs, &found.path, options.access())?;
         let Fingerprint { bytes, mtime_ns: time_ns } =
-            fingerprint::input_fingerprint(&discover::input_path(inputs, &found.path)?)?;
+            fingerprint::input_fingerprint(&path, options.follow_links)?;
         names.push(RandomStream::from_name(found.id.as_str()).id());
         // The path is converted to text, because the manifest and the record also store the path as text.
         let path = PathBuf::from(found.path.to_string_lossy().into_owned());

@@ -12,7 +12,7 @@ use crate::fingerprint::exists;
 use crate::{Content, DatasetOptions, Fingerprint, Input, InputContent, SequenceEntry, Split};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::Count;
-use spikelane::unstable::inputs::{Access, InnerPath, PlainName, read_bytes};
+use spikelane::unstable::inputs::{Access, InnerPath, PlainName, read_bytes, utf8_bytes};
 use spikelane_io::storage::{self, OutputSet, folders};
 
 /// Version of the format of `plan.json`.
@@ -173,7 +173,7 @@ impl ShardPlan {
         })?;
         let bad = |found: &dyn std::fmt::Display| Error::new(ErrorKind::Config, path.display()).found(found);
         // The version is checked first, because a plan of another version may have other keys.
-        let head: PlanVersions = serde_json::from_slice(&text).map_err(|e| bad(&e))?;
+        let head: PlanVersions = serde_json::from_slice(&utf8_bytes(&text)).map_err(|e| bad(&e))?;
         let version = env!("CARGO_PKG_VERSION");
         let shown = |value: Option<serde_json::Value>| value.unwrap_or_default().to_string();
         if head.format_version != Some(FORMAT_VERSION.into()) {
@@ -186,7 +186,7 @@ impl ShardPlan {
                 .expected(version)
                 .remedy("sequences may differ between versions; use the version that wrote the plan, or plan again"));
         }
-        let on_disk: PlanFile = serde_json::from_slice(&text).map_err(|e| bad(&e))?;
+        let on_disk: PlanFile = serde_json::from_slice(&utf8_bytes(&text)).map_err(|e| bad(&e))?;
         let options = config::from_toml(&on_disk.options, folder, access)
             .and_then(|options| options.check().map(|()| options))
             .map_err(|e| e.usage_as_config().with_context(path.display()))?;

@@ -338,8 +338,10 @@ impl ShardRun<'_> {
             })
         };
         if let (Content::Inputs(inputs), Some(name)) = (&self.options.content, &entry.input) {
-            let path = input_path(inputs, Path::new(name))?;
-            entry.input_digest = Some(fingerprint::input_digest(&path, &mut || report_progress(0, None))?);
+            let path = input_path(inputs, Path::new(name), self.options.access())?;
+            let mut watch = || report_progress(0, None);
+            entry.input_digest =
+                Some(fingerprint::input_digest(&path, self.options.follow_links, &mut watch)?);
         }
         let GeneratedSequence { record, digest, readouts, exposure_fault } =
             sequence::generate_sequence(&self.options, &entry, &mut report_progress)?;
@@ -358,8 +360,8 @@ impl ShardRun<'_> {
         else {
             return Ok(());
         };
-        let path = input_path(inputs, Path::new(name))?;
-        let current = fingerprint::input_fingerprint(&path)?;
+        let path = input_path(inputs, Path::new(name), self.options.access())?;
+        let current = fingerprint::input_fingerprint(&path, self.options.follow_links)?;
         if current == fingerprint {
             return Ok(());
         }

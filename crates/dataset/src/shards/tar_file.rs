@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::fingerprint::{self, Fingerprint};
 use crate::record::intact_or_none;
 use spikelane::error::Result;
-use spikelane::unstable::inputs::PlainName;
+use spikelane::unstable::inputs::{PlainName, deserialize_digest};
 
 /// A finished tar file of a shard.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -17,6 +17,7 @@ pub(super) struct ShardTar {
     pub(crate) bytes: u64,
     /// Modification time in nanoseconds since the start of 1970.
     pub(crate) mtime_ns: i64,
+    #[serde(deserialize_with = "deserialize_digest")]
     pub(crate) digest: String,
 }
 

@@ -1,6 +1,6 @@
 //! The source of the light of a dataset, the reference images, and the folder layout for loaders.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -312,6 +312,12 @@ impl DatasetLayout {
             Self::SpikeZoo => 0.6,
         }
     }
+}
+
+/// Returns the name of a folder or file without the path to it, or `clip` if it has no name.
+pub(crate) fn path_name(path: &Path) -> String {
+    let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    path.file_name().map_or_else(|| "clip".to_owned(), |name| name.to_string_lossy().into_owned())
 }
 
 /// Returns a description of the ground-truth codes for manifests and records.

@@ -8,8 +8,8 @@ pub(super) mod serde_text;
 mod splits;
 
 pub use cameras::Cameras;
-pub(super) use content::ground_truth_facts;
 pub use content::{Content, DatasetLayout, InputContent, Pictures, ReferenceImageOptions, SceneContent};
+pub(super) use content::{ground_truth_facts, path_name};
 pub use options::DatasetOptions;
 pub(super) use options::scene_options;
 pub use splits::{Split, Splits};

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::cameras::Cameras;
-use super::content::{Content, DatasetLayout, ReferenceImageOptions, SceneContent, ground_truth_facts};
+use super::content::{
+    Content, DatasetLayout, ReferenceImageOptions, SceneContent, ground_truth_facts, path_name,
+};
 use super::splits::Splits;
 use spikelane::effects::Camera;
 use spikelane::error::{Error, ErrorKind, Result};
@@ -133,7 +135,8 @@ impl DatasetOptions {
     }
 
     /// Returns the options that determine the bytes of the dataset. When a dataset is resumed, these options are
-    /// compared with the manifest.
+    /// compared with the manifest. Of the folder and the list of inputs, they contain the names without the paths. Digests
+    /// of the inputs detect another folder of the same name.
     ///
     /// # Errors
     /// The errors of [`presets::to_toml`].
@@ -145,12 +148,12 @@ impl DatasetOptions {
             ),
             Content::Inputs(i) => insert_present(
                 json!({
-                    "source": "inputs", "folder": i.folder.display().to_string(),
+                    "source": "inputs", "folder": path_name(&i.folder),
                     "readouts_per_frame": i.readouts_per_frame, "interpolation": i.interpolation.to_string(),
                     "resize_mode": i.resize_mode.to_string(),
                 }),
                 [
-                    ("list", i.list.as_ref().map(|l| l.display().to_string().into())),
+                    ("list", i.list.as_ref().map(|l| path_name(l).into())),
                     ("transfer", i.transfer.map(|t| t.to_string().into())),
                     ("full_scale", i.full_scale.map(Into::into)),
                     ("accept_damage", i.accept_damage.then(|| true.into())),

@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::formats::sidecar::check_beside;
 use spikelane::error::{Result, Setting, error};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::inputs::read_text_up_to;
@@ -22,13 +23,15 @@ const MAX_BYTES: u64 = 1 << 20;
 /// Files that lack `spike_w` or `spike_h` are skipped, because other programs also use the name `config.yaml`.
 ///
 /// # Errors
-/// [`ErrorKind::Config`](spikelane::ErrorKind::Config) if the values of `spike_w` and `spike_h` are not a valid geometry.
+/// * [`ErrorKind::Config`](spikelane::ErrorKind::Config) if the values of `spike_w` and `spike_h` are not a valid geometry.
+/// * [`ErrorKind::Input`](spikelane::ErrorKind::Input) if the file is a symbolic link to a file in another folder.
 pub(super) fn find_above(stream: &Path) -> Result<Option<(Geometry, PathBuf)>> {
     let Ok(absolute) = std::path::absolute(stream) else { return Ok(None) };
     for folder in absolute.ancestors().skip(1).take(MAX_PARENT_FOLDERS) {
         let path = folder.join(CONFIG_FILE_NAME);
         let Ok(text) = read_text_up_to(&path, "a configuration", MAX_BYTES) else { continue };
         if let (Some(width), Some(height)) = (value(&text, "spike_w"), value(&text, "spike_h")) {
+            check_beside(&path, stream)?;
             return size(width, height, &path).map(|geometry| Some((geometry, path)));
         }
     }
@@ -77,5 +80,23 @@ mod tests {
         assert_eq!(find_above(&stream).unwrap().unwrap().0, Geometry::new(32, 16).unwrap());
         write("train/config.yaml", "spike_w: wide\nspike_h: 3\n");
         assert_eq!(find_above(&stream).unwrap_err().kind(), ErrorKind::Config);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_a_configuration_in_another_folder_is_an_error() {
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        for folder in ["set", "other", "links"] {
+            std::fs::create_dir(at(folder)).unwrap();
+        }
+        std::fs::write(at("set/config.yaml"), "spike_w: 64\nspike_h: 48\n").unwrap();
+        std::os::unix::fs::symlink("../set/config.yaml", at("other/config.yaml")).unwrap();
+        std::os::unix::fs::symlink("../set/config.yaml", at("links/config.yaml")).unwrap();
+        std::fs::write(at("set/a.dat"), "").unwrap();
+        std::os::unix::fs::symlink("../set/a.dat", at("links/a.dat")).unwrap();
+        assert_eq!(find_above(&at("other/a.dat")).unwrap_err().kind(), ErrorKind::Input);
+        // The target of the stream is beside the configuration.
+        assert!(find_above(&at("links/a.dat")).unwrap().is_some());
     }
 }

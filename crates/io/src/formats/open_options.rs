@@ -307,7 +307,7 @@ impl ReaderBuilder<'_> {
         let readouts = (data as u64).min(claims) / codec.frame_bytes() as u64;
         if readouts == 0 || claims < data as u64 {
             bail!(Input, "{}", self.name; found "{} after the header", Count(data, "byte");
-                expected "{}, at least one frame, for the shape {:?} in the header", Count(claims, "byte"), array.shape;
+                expected "{}, at least one frame, for the shape {} in the header", Count(claims, "byte"), npy::shape_text(&array.shape);
                 remedy "the file is truncated or still being written");
         }
         let trailing = data - readouts as usize * codec.frame_bytes();
@@ -339,7 +339,7 @@ impl ReaderBuilder<'_> {
         if array.data_bytes().is_none_or(|n| n != (source.len() - array.data_offset_bytes) as u64) {
             bail!(Input, "{}", self.name;
                 found "{} after the header", Count(source.len() - array.data_offset_bytes, "byte");
-                expected "as many bytes as the shape {:?} of {} requires", array.shape, array.element;
+                expected "as many bytes as the shape {} of {} requires", npy::shape_text(&array.shape), array.element;
                 remedy "the file is truncated or still being written");
         }
         let mut data = source.reader();

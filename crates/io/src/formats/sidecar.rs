@@ -9,7 +9,9 @@ use crate::formats::writer::sidecar_path;
 use crate::formats::{EVENTS_LAYOUT, Layout};
 use spikelane::error::{Error, Result, bail, error};
 use spikelane::spikes::Geometry;
-use spikelane::unstable::inputs::{Access, MAX_TEXT_BYTES, check_link, not_found_as_none, read_bytes};
+use spikelane::unstable::inputs::{
+    Access, MAX_TEXT_BYTES, check_link, not_found_as_none, read_bytes, utf8_bytes,
+};
 
 /// Facts about a stream, read from the sidecar of the stream. Fields of missing keys are `None`, and unknown keys are
 /// ignored.
@@ -52,13 +54,22 @@ pub fn find_sidecar(stream: &Path) -> Result<Option<PathBuf>> {
         }
     }
     let Some(path) = found else { return Ok(None) };
+    check_beside(&path, stream)?;
+    Ok(Some(path))
+}
+
+/// Checks that a file that describes a stream is no symbolic link to another folder. The folder of the stream itself is
+/// allowed, because a user may link a stream and the files beside it.
+///
+/// # Errors
+/// [`ErrorKind::Input`] if the file is such a link.
+pub(super) fn check_beside(path: &Path, stream: &Path) -> Result<()> {
     let folder = |path: &Path| path.canonicalize().ok().and_then(|real| real.parent().map(Path::to_owned));
-    match check_link(path.parent().unwrap_or(Path::new("")), &path, Access::Read) {
-        Err(e) if folder(&path) != folder(stream) => Err(e.remedy(format_args!(
-            "copy the sidecar there, or remove the link and set {}",
-            stream_settings()
-        ))),
-        _ => Ok(Some(path)),
+    match check_link(path.parent().unwrap_or(Path::new("")), path, Access::Read) {
+        Err(e) if folder(path) != folder(stream) => Err(
+            e.remedy(format_args!("copy the file there, or remove the link and set {}", stream_settings()))
+        ),
+        _ => Ok(()),
     }
 }
 
@@ -89,7 +100,7 @@ pub(super) fn parse(name: &str, text: &[u8], stream: &Path) -> Result<SidecarFac
             expected "a JSON object with width, height, layout, readouts";
             remedy "set {} to ignore the sidecar", stream_settings())
     };
-    let keys: SidecarKeys = serde_json::from_slice(text).map_err(|e| bad(e.to_string()))?;
+    let keys: SidecarKeys = serde_json::from_slice(&utf8_bytes(text)).map_err(|e| bad(e.to_string()))?;
     let geometry = match (keys.width, keys.height) {
         (Some(w), Some(h)) => {
             Some(Geometry::new(w, h).map_err(|_| bad(format!("a camera of {w}x{h} pixels")))?)

@@ -3,11 +3,11 @@
 //!
 //! The module re-exports [`spikelane::light`], so that one path covers all light sources.
 
-mod arrays;
 pub mod camera_motion;
-pub mod full_scale;
 mod images;
 mod mosaic_source;
+pub mod npy;
+pub mod npz;
 mod open;
 mod pixel_aspect;
 mod resize_mode;
@@ -16,10 +16,11 @@ pub(crate) mod timestamps;
 mod video;
 mod video_folder;
 
-pub use arrays::{npy, npz};
 pub use camera_motion::CameraMotion;
 pub use images::exr_image::exr_image;
-pub use images::{folder, image_file, natural_order, still_image};
+pub use images::folder::image_files;
+pub use images::names::natural_cmp;
+pub use images::{folder, image_file, still_image};
 pub use mosaic_source::MosaicSource;
 pub use open::{InputOptions, MotionClip, open, open_reader};
 pub use resize_mode::ResizeMode;

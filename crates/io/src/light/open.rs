@@ -10,15 +10,15 @@ use super::resize_mode::ResizeMode;
 use super::scaled_source::scale_source;
 use super::video_folder::check_is_video;
 use crate::Stdin;
-use crate::light::arrays::npy;
-use crate::light::arrays::npy::ArraySource;
-use crate::light::arrays::npz;
 use crate::light::camera_motion::CameraMotion;
 use crate::light::images::folder::ImageFolder;
 use crate::light::images::image_file::{self, ImageFile};
 use crate::light::images::image_pages::ImagePages;
 use crate::light::images::linearization::Linearization;
 use crate::light::images::still_image::StillImage;
+use crate::light::npy;
+use crate::light::npy::ArraySource;
+use crate::light::npz;
 use crate::light::video::ffmpeg::FfmpegSource;
 use crate::light::video::y4m;
 use crate::light::video::y4m::Y4mSource;
@@ -29,6 +29,7 @@ use spikelane::light::Source;
 use spikelane::light::Transfer;
 use spikelane::sensor::{FrontEnd, Mosaic};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::Access;
 
 /// Extensions of files that ffmpeg decodes.
 const VIDEO_EXTENSIONS: [&str; 16] = [
@@ -80,6 +81,9 @@ pub struct InputOptions {
     /// Whether the part of a damaged image or video that can be decoded is used. Notes of the source then describe the
     /// damage. Otherwise, damage is an error.
     pub accept_damage: bool,
+    /// Whether the images of a folder and the file with their times may be links to files outside the folder. Otherwise,
+    /// such a link is an error.
+    pub follow_links: bool,
     /// If this flag becomes true, waiting for standard input is interrupted. If `stop` is `None`, the wait cannot be
     /// interrupted.
     pub stop: Option<Arc<AtomicBool>>,
@@ -95,6 +99,7 @@ spikelane::unstable::with_methods!(InputOptions {
     with_scale: scale: Option<f64>,
     with_is_video: is_video: bool,
     with_accept_damage: accept_damage: bool,
+    with_follow_links: follow_links: bool,
     with_stop: stop: Option<Arc<AtomicBool>>,
 });
 
@@ -113,6 +118,7 @@ impl InputOptions {
             scale: None,
             is_video: false,
             accept_damage: false,
+            follow_links: false,
             stop: None,
         }
     }
@@ -195,9 +201,11 @@ fn open_path(path: &Path, options: &InputOptions) -> Result<Box<dyn Source>> {
     refuse_motion(path.display(), options)?;
     if about.is_dir() {
         if !options.is_video {
-            check_is_video(path)?;
+            check_is_video(path, options.follow_links)?;
         }
-        return Ok(Box::new(ImageFolder::open(path, camera, resize_mode, linear, options.accept_damage)?));
+        let access = Access::for_reading(options.follow_links);
+        let images = ImageFolder::open(path, camera, resize_mode, linear, options.accept_damage, access)?;
+        return Ok(Box::new(images));
     }
     match ending.as_deref() {
         Some("npy") => array_source(ArraySource::open(path, camera, resize_mode, options.transfer)?, options),

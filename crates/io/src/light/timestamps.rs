@@ -10,10 +10,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::images::image_file;
+use super::images::names::is_image;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::unstable::Count;
-use spikelane::unstable::inputs;
+use spikelane::unstable::inputs::{self, Access, check_link, not_found_as_none};
 
 /// Names of the files with frame times. If a folder has several, the first one is used.
 pub const TIME_FILE_NAMES: [&str; 3] = ["timestamps.txt", "images.csv", "info.txt"];
@@ -37,13 +37,14 @@ pub(super) struct FrameTimes {
 ///
 /// `timestamps.txt` in the folder must be valid. The other files have names that other programs use too, and files in
 /// the parent folder may belong to other images. These files are used if all lines fit the images. If such a file in the
-/// folder does not fit, the reason is added to `notes`.
+/// folder does not fit, or if a file is a link that `access` forbids, the reason is added to `notes`.
 ///
 /// # Errors
-/// As [`read`].
+/// As [`read`]. Also [`ErrorKind::Input`] if `timestamps.txt` in the folder is a link that `access` forbids.
 pub(super) fn read_beside(
     folder: &Path,
     images: &[PathBuf],
+    access: Access,
     notes: &mut Vec<String>,
 ) -> Result<Option<FrameTimes>> {
     let above = std::path::absolute(folder).ok().and_then(|path| path.parent().map(Path::to_owned));
@@ -51,16 +52,16 @@ pub(super) fn read_beside(
         for name in TIME_FILE_NAMES {
             let path = place.join(name);
             let is_required = place == folder && name == TIME_FILE_NAMES[0];
-            if is_required && path.exists() {
-                let starts = read(&path, images)?;
-                return Ok(Some(FrameTimes { path, starts }));
-            }
-            if !path.is_file() {
+            let metadata = not_found_as_none(path.metadata().map_err(|e| Error::io(path.display(), e)))?;
+            if metadata.is_none_or(|metadata| !metadata.is_file() && !is_required) {
                 continue;
             }
-            match read(&path, images) {
+            let allowed = check_link(place, &path, access);
+            let is_reported = place == folder || allowed.is_err();
+            match allowed.and_then(|()| read(&path, images)) {
                 Ok(starts) => return Ok(Some(FrameTimes { path, starts })),
-                Err(e) if place == folder => notes.push(format!("{name} is not used for the times: {e}")),
+                Err(e) if is_required => return Err(e),
+                Err(e) if is_reported => notes.push(format!("{name} is not used for the times: {e}")),
                 Err(_) => {}
             }
         }
@@ -193,7 +194,7 @@ fn has_decimal_commas(lines: &[&str]) -> Result<bool> {
 
 /// Checks that an entry with the name of an image has the name of its image.
 fn check_name(path: &Path, entry: &Entry<'_>, image: &Path) -> Result<()> {
-    let Some(label) = entry.label.map(Path::new).filter(|label| image_file::is_image(label)) else {
+    let Some(label) = entry.label.map(Path::new).filter(|label| is_image(label)) else {
         return Ok(());
     };
     // The file can have been written on Windows.

@@ -6,11 +6,13 @@ use std::path::{Path, PathBuf};
 use super::images::folder::{check_same_size, list_images};
 use super::images::image_file::ImageFile;
 use super::images::linearization::Linearization;
+use super::images::names::decimal_numbers;
 use super::resize_mode::ResizeMode;
 use super::timestamps;
 use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
+use spikelane::unstable::inputs::Access;
 
 /// Maximum number of pairs of neighbors whose content is compared.
 const MAX_PAIRS: usize = 8;
@@ -35,14 +37,17 @@ const MIN_CORRELATION: f64 = 0.4;
 ///    a folder of unrelated pictures, the order has no meaning, so half of the neighbors are more similar, and 7 of 8
 ///    are with a probability of 4 %.
 ///
-/// Pictures and times that cannot be read are not examined, because the reader of the folder reports them.
+/// Pictures and times that cannot be read are not examined, because the reader of the folder reports them. If
+/// `follow_links` is true, pictures and times may be links to files outside the folder.
 ///
 /// # Errors
 /// * [`ErrorKind::Io`] if the folder cannot be listed.
-/// * [`ErrorKind::Input`] if the pictures are unrelated.
-pub fn check_is_video(folder: &Path) -> Result<()> {
-    let (files, ..) = list_images(folder)?;
-    if files.len() < 2 || !matches!(timestamps::read_beside(folder, &files, &mut Vec::new()), Ok(None)) {
+/// * [`ErrorKind::Input`] if the pictures are unrelated, or if a picture is a link that is not allowed.
+pub fn check_is_video(folder: &Path, follow_links: bool) -> Result<()> {
+    let access = Access::for_reading(follow_links);
+    let (files, ..) = list_images(folder, access)?;
+    let times = timestamps::read_beside(folder, &files, access, &mut Vec::new());
+    if files.len() < 2 || !matches!(times, Ok(None)) {
         return Ok(());
     }
     check_sizes(&files)?;
@@ -76,22 +81,26 @@ fn check_sizes(files: &[PathBuf]) -> Result<()> {
 /// Frame numbers have equal steps, and times of frames nearly equal steps. The gaps between random numbers are
 /// exponentially distributed: 17 % are within 25 % of the median.
 fn are_numbered(names: &[String]) -> bool {
-    let mut steps: Vec<u128> = names.windows(2).filter_map(|pair| step(&pair[0], &pair[1])).collect();
-    steps.sort_unstable();
+    let stems: Vec<&str> = names.iter().map(String::as_str).collect();
+    let mut steps: Vec<f64> = match decimal_numbers(&stems) {
+        Some(numbers) => numbers.windows(2).map(|pair| pair[1] - pair[0]).collect(),
+        None => names.windows(2).filter_map(|pair| step(&pair[0], &pair[1])).collect(),
+    };
+    steps.sort_by(f64::total_cmp);
     let Some(&median) = steps.get(steps.len() / 2) else { return false };
-    let regular = steps.iter().filter(|&&step| 4 * step.abs_diff(median) <= median).count();
+    let regular = steps.iter().filter(|&&step| 4.0 * (step - median).abs() <= median).count();
     2 * regular > names.len() - 1
 }
 
 /// Returns the difference of the only number in which two names differ.
-fn step(a: &str, b: &str) -> Option<u128> {
+fn step(a: &str, b: &str) -> Option<f64> {
     let (a, b) = (parts(a), parts(b));
     let mut differing = a.iter().zip(&b).filter(|(a, b)| a != b);
     let (a, b) = match (a.len() == b.len(), differing.next(), differing.next()) {
         (true, Some(pair), None) => pair,
         _ => return None,
     };
-    b.parse::<u128>().ok()?.checked_sub(a.parse().ok()?)
+    Some(b.parse::<u128>().ok()?.checked_sub(a.parse().ok()?)? as f64)
 }
 
 /// Splits a name into runs of digits and of other characters.
@@ -171,6 +180,7 @@ mod tests {
             &["cut1_001", "cut1_002", "cut1_003", "cut2_001", "cut2_002"],
             &["1403636579763", "1403636579813", "1403636579864", "1403636579913"],
             &["1305031102.175304", "1305031102.211214", "1305031102.243211", "1305031102.275326"],
+            &["frame_-0.5", "frame_-0.25", "frame_0", "frame_0.25"],
             &["120000000000000000000000000001", "120000000000000000000000000002"],
         ] {
             assert!(numbered(names), "{names:?}");

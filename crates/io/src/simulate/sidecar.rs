@@ -18,7 +18,9 @@ use spikelane::presets;
 use spikelane::sensor::{FrontEnd, Mosaic};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::draws::Seeds;
-use spikelane::unstable::inputs::{Access, InnerPath, MAX_TEXT_BYTES, PlainName, check_link, read_bytes};
+use spikelane::unstable::inputs::{
+    Access, InnerPath, MAX_TEXT_BYTES, PlainName, check_link, deserialize_digest, read_bytes, utf8_bytes,
+};
 
 /// One stream file of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -29,6 +31,7 @@ pub struct StreamFacts {
     pub bytes: u64,
     /// Digest of all bytes of the file, as `blake3:<hex>`. The digest does not depend on the backend or on the number
     /// of threads.
+    #[serde(deserialize_with = "deserialize_digest")]
     pub digest: String,
     /// Number of spikes.
     pub spikes: u64,
@@ -377,7 +380,7 @@ impl Sidecar {
     /// # Errors
     /// [`ErrorKind::Config`] if the text is not a sidecar.
     pub fn parse(path: &Path, text: &[u8]) -> Result<Self> {
-        serde_json::from_slice(text).map_err(|e| {
+        serde_json::from_slice(&utf8_bytes(text)).map_err(|e| {
             error!(Config, "{}", path.display(); found "{e}"; expected "a sidecar written by this version";
                 remedy "restore the sidecar; if an earlier version wrote the sidecar, simulate the stream again")
         })

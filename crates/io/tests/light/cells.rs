@@ -264,6 +264,23 @@ fn video(dir: &TempDir, name: &str, pixels: &str, raw: &[u8], flags: &[&str]) ->
     Some(path)
 }
 
+/// Returns a QuickTime or MP4 file of a PNG stream with a box of 32-bit numbers at the end of the description of its
+/// samples. The sizes of the boxes around it grow.
+fn with_sample_box(mut bytes: Vec<u8>, kind: &[u8; 4], numbers: &[u32]) -> Vec<u8> {
+    let data: Vec<u8> = numbers.iter().copied().flat_map(u32::to_be_bytes).collect();
+    let added = [&(data.len() as u32 + 8).to_be_bytes()[..], kind, &data].concat();
+    let mut insert_at = 0;
+    let entry = if bytes.windows(4).any(|part| part == b"mp4v") { b"mp4v" } else { b"png " };
+    for name in [b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd", entry] {
+        let at = bytes.windows(4).position(|part| part == name).unwrap() - 4;
+        let size = u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+        insert_at = at + size as usize;
+        bytes[at..at + 4].copy_from_slice(&(size + added.len() as u32).to_be_bytes());
+    }
+    bytes.splice(insert_at..insert_at, added);
+    bytes
+}
+
 /// Returns a FITS unit of 4x1 pixels. `cards` follow the size.
 fn fits(bits: i32, frames: usize, cards: &[&str], data: &[u8]) -> Vec<u8> {
     let mut lines = vec![
@@ -539,26 +556,40 @@ cells! {
         let notes = read(&path, &linear()).1;
         assert!(notes.contains("stereo"), "{notes}");
     }
-    mp4_clean_aperture: "MP4, MOV", "clean aperture", "`clap`: R" => {
+    mp4_clean_aperture: "MP4, MOV", "visible part", "`clap`: R" => {
         let dir = TempDir::new().unwrap();
         let Some(path) = video(&dir, "v.mov", "gray", &[51; 16], &["-c:v", "png"]) else { return };
-        // A box at the end of the description of the samples, and the sizes of the boxes around it.
-        let mut bytes = fs::read(path).unwrap();
-        let clap: Vec<u8> = [2_u32, 1, 4, 1, 0, 1, 0, 1].into_iter().flat_map(u32::to_be_bytes).collect();
-        let clap = [&40_u32.to_be_bytes()[..], b"clap", &clap].concat();
-        let mut insert_at = 0;
-        for name in [b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd", b"png "] {
-            let at = bytes.windows(4).position(|part| part == name).unwrap() - 4;
-            let size = u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
-            insert_at = at + size as usize;
-            bytes[at..at + 4].copy_from_slice(&(size + 40).to_be_bytes());
-        }
-        bytes.splice(insert_at..insert_at, clap);
-        let path = file(&dir, "c.mov", bytes);
+        let path = file(&dir, "c.mov", with_sample_box(fs::read(path).unwrap(), b"clap", &[2, 1, 4, 1, 0, 1, 0, 1]));
         let source = open(&path, &linear()).unwrap();
         // ffmpeg 7.1 and later crop the frames.
         let is_cropped = source.stored_geometry() == Some(spikelane::Geometry::new(2, 4).unwrap());
         assert!(is_cropped || source.notes()[0].contains("2x4"), "{:?}", source.notes());
+    }
+    matroska_crop: "Matroska, WebM", "visible part", "`PixelCrop`: R" => {
+        let dir = TempDir::new().unwrap();
+        let colors = ["-c:v", "ffv1", "-color_primaries", "bt709", "-color_trc", "bt709", "-colorspace", "bt709"];
+        let Some(path) = video(&dir, "v.mkv", "gray", &[51; 16], &colors) else { return };
+        // The place of the element of the colors receives the crop of one column at each side, and an element without a
+        // meaning, which has the rest of the place.
+        let mut bytes = fs::read(path).unwrap();
+        let at = bytes.windows(2).position(|part| part == [0x55, 0xB0]).unwrap();
+        let rest = 3 + (bytes[at + 2] & 0x7F) - 8 - 2;
+        let crop = [0x54, 0xCC, 0x81, 1, 0x54, 0xDD, 0x81, 1, 0xEC, 0x80 | rest];
+        bytes[at..at + crop.len()].copy_from_slice(&crop);
+        let path = file(&dir, "c.mkv", bytes);
+        let source = open(&path, &linear()).unwrap();
+        // ffmpeg 7.1 and later crop the frames.
+        let is_cropped = source.stored_geometry() == Some(spikelane::Geometry::new(2, 4).unwrap());
+        assert!(is_cropped || source.notes().join("").contains("2x4"), "{:?}", source.notes());
+    }
+    video_mastering_display: "any video", "mastering display", "R" => {
+        let dir = TempDir::new().unwrap();
+        let Some(path) = video(&dir, "v.mp4", "gray", &[51; 16], &["-c:v", "png"]) else { return };
+        // Eight chromaticities of 16 bits, and the largest and the smallest luminance in units of 0.0001 cd/m2.
+        let display = [0x33C2_86C4, 0x1D4C_0BB8, 0x84D0_3E80, 0x3D13_4042, 10_000_000, 50];
+        let path = file(&dir, "m.mp4", with_sample_box(fs::read(path).unwrap(), b"mdcv", &display));
+        let notes = read(&path, &linear()).1;
+        assert!(notes.contains("mastering display is not used"), "{notes}");
     }
     matroska_capture_rate: "Matroska, WebM", "capture rate", "Android: used" => {
         let dir = TempDir::new().unwrap();
@@ -948,19 +979,40 @@ cells! {
         let gif = video(&dir, "v.gif", "rgba", &raw, &[]).unwrap();
         assert!(!read(&gif, &linear()).1.contains("alpha"));
     }
-    video_orientation: "GIF, video", "orientation", "rotation" => {
+    video_orientation: "GIF, video", "orientation", "rotation, mirroring; other angles: R" => {
         let dir = TempDir::new().unwrap();
-        let image = GrayImage::from_fn(4, 4, |x, _| Luma([if x == 0 { 255 } else { 0 }]));
+        // Each pixel has its own value.
+        let image = GrayImage::from_fn(4, 4, |x, y| Luma([(17 * (4 * y + x)) as u8]));
         let Some(path) = video(&dir, "v.mov", "gray", image.as_raw(), &["-c:v", "png"]) else { return };
-        let mut bytes = fs::read(&path).unwrap();
-        // The matrix of the track header is 40 bytes after the name of its box.
-        let at = bytes.windows(4).position(|name| name == b"tkhd").unwrap() + 4 + 40;
         let one = 0x1_0000_i32;
-        let clockwise = [0, one, 0, -one, 0, 0, 4 * one, 0, 0x4000_0000];
-        bytes[at..at + 36].copy_from_slice(&clockwise.map(i32::to_be_bytes).concat());
-        // The white column at the left becomes the row at the top.
-        let path = file(&dir, "r.mov", bytes);
-        near(&row(&path, &sized(linear(), 4, 4)).0, &[1.0; 4]);
+        let read_with = |[a, b, c, d]: [i32; 4]| {
+            let mut bytes = fs::read(&path).unwrap();
+            // The matrix of the track header is 40 bytes after the name of its box.
+            let at = bytes.windows(4).position(|name| name == b"tkhd").unwrap() + 4 + 40;
+            let shift = |sum: i32| if sum < 0 { 4 * one } else { 0 };
+            let matrix = [a, b, 0, c, d, 0, shift(a + c), shift(b + d), 0x4000_0000];
+            bytes[at..at + 36].copy_from_slice(&matrix.map(i32::to_be_bytes).concat());
+            row(&file(&dir, "r.mov", bytes), &sized(linear(), 4, 4))
+        };
+        // The matrix maps the stored column x and row y to the column a x + c y and the row b x + d y. The first row
+        // shows these stored columns and rows.
+        for (matrix, stored) in [
+            ([one, 0, 0, one], [0, 1, 2, 3]),
+            ([0, one, -one, 0], [12, 8, 4, 0]),
+            ([-one, 0, 0, -one], [15, 14, 13, 12]),
+            ([0, -one, one, 0], [3, 7, 11, 15]),
+            ([-one, 0, 0, one], [3, 2, 1, 0]),
+            ([one, 0, 0, -one], [12, 13, 14, 15]),
+            ([0, one, one, 0], [0, 4, 8, 12]),
+            ([0, -one, -one, 0], [15, 11, 7, 3]),
+        ] {
+            let (lights, notes) = read_with(matrix);
+            near(&lights, &stored.map(|n| n as f32 / 15.0));
+            assert_eq!(notes, "");
+        }
+        let diagonal = 46_341;
+        let notes = read_with([diagonal, diagonal, -diagonal, diagonal]).1;
+        assert!(notes.contains("rotated by 45 degrees"), "{notes}");
     }
 
     npy_pages: "`.npy`, `.npz`", "pages", "all" => {

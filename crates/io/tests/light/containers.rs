@@ -589,6 +589,25 @@ fn times_beside_images_are_read_in_the_units_of_their_programs() {
 }
 
 #[test]
+fn decimal_and_negative_numbers_in_names_determine_the_order() {
+    for names in [
+        ["frame_0", "frame_0.025", "frame_0.05", "frame_0.1"],
+        ["-0.5", "-0.25", "0", "0.125"],
+        ["t=1s", "t=1.125s", "t=1.25s", "t=1.5s"],
+    ] {
+        let dir = TempDir::new().unwrap();
+        for (name, code) in names.iter().zip([0, 51, 102, 153]) {
+            file(&dir, &format!("{name}.png"), png(&gray8(code)));
+        }
+        let (lights, notes) = read(dir.path(), &linear());
+        near(&lights, &[0.0, 0.2, 0.4, 0.6]);
+        assert!(notes.contains("not used as times") && notes.contains(names[3]), "{notes}");
+        file(&dir, "timestamps.txt", "0\n0.001\n0.002\n0.003\n");
+        assert_eq!(read(dir.path(), &linear()).1, "");
+    }
+}
+
+#[test]
 fn a_file_that_is_not_used_for_the_times_is_reported() {
     let dir = TempDir::new().unwrap();
     file(&dir, "1.png", png(&gray8(1)));

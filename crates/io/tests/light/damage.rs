@@ -4,6 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding as ExrEncoding, FlatSamples, Image as ExrImage, Layer, LayerAttributes,
+    WritableImage as _,
+};
 use image::codecs::jpeg::JpegEncoder;
 use image::{DynamicImage, GrayImage, ImageFormat, Luma};
 use spikelane::{Error, ErrorKind, Geometry};
@@ -162,6 +166,37 @@ fn truncated_images_are_errors_and_their_first_rows_are_used_if_damage_is_accept
     }
 }
 
+/// A renderer that is stopped, or a computer of a render farm that fails, leaves a file without some of its chunks.
+#[test]
+fn missing_chunks_of_an_exr_are_damage() {
+    let dir = TempDir::new().unwrap();
+    // A gray image of eight chunks of one row each.
+    let samples = FlatSamples::F32((0..64).map(|n| n as f32 / 64.0).collect());
+    let channels = AnyChannels::sort([AnyChannel::new("Y", samples)].into_iter().collect());
+    let layer = Layer::new((8, 8), LayerAttributes::default(), ExrEncoding::UNCOMPRESSED, channels);
+    let path = dir.path().join("whole.exr");
+    ExrImage::from_layer(layer).write().to_file(&path).unwrap();
+    let whole = fs::read(&path).unwrap();
+    assert!(read(&path, &options()).is_ok());
+    // A chunk of a row has the row, the number of bytes, and the samples. The table has the offset of each chunk.
+    let chunk = 4 + 4 + 8 * 4;
+    let first = whole.len() - 8 * chunk;
+    let table = first - 8 * 8;
+    assert_eq!(whole[table..table + 8], (first as u64).to_le_bytes());
+    for missing in [0, 3, 7] {
+        let mut bytes = whole.clone();
+        bytes[table + 8 * missing..table + 8 * missing + 8].fill(0);
+        bytes.drain(first + missing * chunk..first + (missing + 1) * chunk);
+        refusal(&file(&dir, "absent.exr", &bytes));
+        // Another chunk is stored twice.
+        let mut bytes = whole.clone();
+        let other = (missing + 1) % 8;
+        bytes.copy_within(first + other * chunk..first + (other + 1) * chunk, first + missing * chunk);
+        let text = refusal(&file(&dir, "twice.exr", &bytes));
+        assert!(text.contains("8 pixels without samples"), "{text}");
+    }
+}
+
 #[test]
 fn a_wrong_checksum_of_a_png_is_an_error() {
     let dir = TempDir::new().unwrap();
@@ -217,6 +252,29 @@ fn a_truncated_video_is_an_error_that_names_the_cause() {
         assert!(text.contains(cause) && text.contains("accept_damage"), "{text}");
         let (frames, notes) = read(&path, &options().with_accept_damage(true)).unwrap();
         assert!((1..20).contains(&frames.len()) && notes.contains(cause), "{name}: {notes}");
+    }
+}
+
+/// The counters of two transport streams do not fit together, and the clock of the second one starts again.
+#[test]
+fn joined_transport_streams_are_reported_and_complete() {
+    let dir = TempDir::new().unwrap();
+    let Some(path) = video(&dir, "a.ts", &["-c:v", "mpeg2video", "-q:v", "2", "-bf", "2"]) else { return };
+    let whole = fs::read(&path).unwrap();
+    let one = read(&path, &options()).unwrap();
+    assert_eq!((one.0.len(), one.1.as_str()), (20, ""));
+    let path = file(&dir, "joined.ts", whole.repeat(2));
+    let (frames, notes) = read(&path, &options()).unwrap();
+    assert_eq!(frames, one.0.repeat(2));
+    assert!(notes.contains("after frame 20, as in joined files"), "{notes}");
+    let source = open(&path, &options()).unwrap();
+    assert!(source.frame_times().is_none() && source.rate().is_some_and(|rate| rate.hz() == 25.0));
+    // Packets of 188 bytes are missing inside the first file, or in the last frame, which has 9 packets.
+    for missing in [80..84, whole.len() / 188 - 4..whole.len() / 188] {
+        let mut bytes = whole.clone();
+        bytes.drain(188 * missing.start..188 * missing.end);
+        let text = refusal(&file(&dir, "lossy.ts", [&bytes[..], &whole].concat()));
+        assert!(text.contains("damaged video"), "{text}");
     }
 }
 

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use spikelane::unstable::chart;
 use spikelane::{ErrorKind, Geometry};
-use spikelane_io::light::natural_order::natural_cmp;
+use spikelane_io::light::natural_cmp;
 use spikelane_io::light::{
     Chart, Frame, Interpolation, OwnedSamples, Rate, Source, Timeline, Transfer, luminance,
 };

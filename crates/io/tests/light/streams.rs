@@ -136,7 +136,7 @@ fn arrays_that_are_not_frames_are_refused_with_a_reason() {
     for (name, bytes, says) in [
         ("signed", header("'|i1'", "False", "(2, 2)"), "i8"),
         ("fortran", header("'|u1'", "True", "(2, 2, 2)"), "ascontiguousarray"),
-        ("channels", header("'|u1'", "False", "(2, 2, 2, 4)"), "[2, 2, 2, 4]"),
+        ("channels", header("'|u1'", "False", "(2, 2, 2, 4)"), "(2, 2, 2, 4)"),
         ("empty", header("'|u1'", "False", "(0, 2, 2)"), "at least one frame"),
         ("huge", header("'|u1'", "False", "(9999999999, 9999999999, 9)"), "pixels"),
         ("wide", header("'|u1'", "False", "(1, 99999, 99999)"), "pixels"),

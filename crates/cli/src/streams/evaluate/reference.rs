@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use spikelane::reconstruct::{DetailReference, tfp};
-use spikelane::unstable::inputs::InputFile;
+use spikelane::unstable::inputs::{InputFile, utf8_bytes};
 use spikelane::{Error, ErrorKind, Geometry, Result, SpikeFrames};
 use spikelane_calibrate::compare::steady_pixels;
 use spikelane_dataset::{Access, SequenceRecord};
@@ -147,7 +147,7 @@ impl ReferenceCurve {
         }
         let Some((path, _)) = Sidecar::read_beside(stream)? else { return Ok(Self::DEFAULT) };
         let text = std::fs::read(&path).map_err(|e| Error::io(path.display(), e))?;
-        let sidecar = serde_json::from_slice(&text)
+        let sidecar = serde_json::from_slice(&utf8_bytes(&text))
             .map_err(|e| Error::new(ErrorKind::Config, path.display()).found(e))?;
         Ok(curve_from_json(&sidecar, clear, "the sidecar").unwrap_or(Self::DEFAULT))
     }

@@ -7,7 +7,7 @@ use super::npy::ArrayHeader;
 use spikelane::error::{Error, Result, bail, error};
 use spikelane::spikes::{Geometry, set_bit};
 use spikelane::unstable::inputs;
-use spikelane::unstable::npy::Element;
+use spikelane::unstable::npy::{self, Element};
 
 /// Size limit of the packed stream.
 const MAX_PACKED_BYTES: u64 = 1 << 30;
@@ -69,12 +69,12 @@ pub(crate) fn pack(
     source: &mut impl Read,
 ) -> Result<PackedStream> {
     let (readouts, geometry) = axes.readouts_and_geometry(array.shape).ok_or_else(|| {
-        error!(Input, "{name}"; found "shape {:?}", array.shape;
+        error!(Input, "{name}"; found "shape {}", npy::shape_text(&array.shape);
             expected "{} with frames of 1 to 2^28 pixels", axes.name())
     })?;
     let size = geometry.frame_bytes();
     if (size as u64).checked_mul(readouts).is_none_or(|n| n > MAX_PACKED_BYTES) {
-        bail!(Input, "{name}"; found "an array {:?}", array.shape;
+        bail!(Input, "{name}"; found "an array {}", npy::shape_text(&array.shape);
             expected "at most 1 GiB of packed frames, because the whole array must fit in memory";
             remedy "save the array as .npy, which is read frame by frame: numpy.ascontiguousarray(a, numpy.uint8) with axes (T, H, W)");
     }

@@ -88,6 +88,6 @@ fn wrong_size_error(name: &str, array: &ArrayHeader, wanted: Geometry) -> Error 
 }
 
 fn no_frames_error(name: &str, array: &ArrayHeader) -> Error {
-    error!(Input, "{name}"; found "shape {:?}", array.shape;
+    error!(Input, "{name}"; found "shape {}", npy::shape_text(&array.shape);
         expected "at least one frame of 1 to 2^28 pixels")
 }

@@ -43,7 +43,7 @@ pub(crate) fn array_header(name: &str, header: &Header) -> Result<ArrayHeader> {
             3.. => "save one stream of the array",
             _ => "pass a recording of spikes; a map or an image has no axis of readouts",
         };
-        error!(Input, "{name}"; found "shape {:?}", header.shape;
+        error!(Input, "{name}"; found "shape {}", npy::shape_text(&header.shape);
             expected "an array with axes (T, H, W), or with four axes of which one is a channel of length 1";
             remedy "{remedy}")
     })?;
@@ -72,7 +72,7 @@ pub(crate) fn geometry_error(name: &str, found: Geometry, wanted: Geometry) -> E
 
 /// Returns the error for a shape that does not contain frames of geometry `wanted` in any axis order.
 pub(crate) fn axis_order_error(name: &str, shape: [u64; 3], wanted: Geometry) -> Error {
-    error!(Input, "{name}"; found "shape {shape:?}";
+    error!(Input, "{name}"; found "shape {}", npy::shape_text(&shape);
         expected "frames of {wanted}: (T, {0}, {1}) or ({0}, {1}, T)", wanted.height(), wanted.width();
         remedy "correct {} and {}", Setting("width"), Setting("height"))
 }

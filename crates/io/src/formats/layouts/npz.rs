@@ -18,8 +18,10 @@ use crate::Archive;
 use crate::formats::source::ByteSource;
 use spikelane::error::{Error, Result, Setting, bail, error};
 use spikelane::spikes::{Geometry, set_bit};
-use spikelane::unstable::npy::{Element, Header};
+use spikelane::unstable::npy::{self, Element, Header};
 use spikelane::unstable::{Count, inputs};
+
+pub(crate) use crate::ARCHIVE_MAGIC as MAGIC;
 
 /// The largest compression ratio of deflate. A header is invalid if it declares more data than this ratio times the
 /// length of the archive.
@@ -52,7 +54,7 @@ pub(crate) fn read(
     let header = Header::read(&subject, &mut file)?;
     let array = array_header(&subject, &header)?;
     if array.data_bytes().is_none_or(|n| n > MAX_RATIO.saturating_mul(source.len() as u64)) {
-        bail!(Input, "{subject}"; found "an array {:?}, larger than the archive", array.shape;
+        bail!(Input, "{subject}"; found "an array {}, larger than the archive", npy::shape_text(&array.shape);
             expected "an archive written by numpy.savez");
     }
     let packing = match length {
@@ -124,7 +126,7 @@ pub(crate) fn ambiguous_axes_error(subject: &str, shape: [u64; 3], remedy: std::
         None => format!("no stream, axes {}", axes.name()),
     };
     error!(Usage, "{subject}";
-        found "shape {shape:?}, which is {}, or {}", describe(ReadoutAxis::First), describe(ReadoutAxis::Last);
+        found "shape {}, which is {}, or {}", npy::shape_text(&shape), describe(ReadoutAxis::First), describe(ReadoutAxis::Last);
         expected "unambiguous axes"; remedy "{remedy}")
 }
 
@@ -155,7 +157,7 @@ fn unpack_eight_per_byte(
     let (groups, geometry) = ReadoutAxis::First
         .readouts_and_geometry(array.shape)
         .filter(|(groups, _)| length <= groups.saturating_mul(8) && length > groups.saturating_mul(8) - 8)
-        .ok_or_else(|| bad(format!("shape {:?} for a length of {length}", array.shape)))?;
+        .ok_or_else(|| bad(format!("shape {} for a length of {length}", npy::shape_text(&array.shape))))?;
     if array.element != Element::U8 || array.is_fortran_order {
         return Err(bad(format!("elements of type {}", array.element)));
     }

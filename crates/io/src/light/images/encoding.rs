@@ -4,7 +4,6 @@ use moxcms::{ColorProfile, ToneReprCurve};
 use spikelane::error::Setting;
 use spikelane::light::Transfer;
 
-use super::linearization::Linearization;
 use crate::light::full_scale::narrow_codes;
 
 /// The codes of the pixels of a file, as the file states them.
@@ -154,30 +153,6 @@ pub(in crate::light) fn store_transfer(
             Setting("transfer")
         )),
     }
-}
-
-/// Returns the note about a transfer function of HDR pictures, or `None` for other transfer functions.
-///
-/// The code of diffuse white is that of ITU-R BT.2408-7, table 1.
-pub(in crate::light) fn hdr_note(encoding: &Encoding, linear: &Linearization) -> Option<String> {
-    let transfer = encoding.transfer.filter(|t| t.is_high_dynamic_range())?;
-    let name = transfer.to_string().to_uppercase();
-    if !linear.uses_transfer_of_file() {
-        let used = linear.integers().transfer();
-        return Some(format!("the file states the curve {name}, but the curve {used} is used"));
-    }
-    if linear.has_full_scale() {
-        return None;
-    }
-    let (peak, white) = match transfer {
-        Transfer::Pq => ("10,000 cd/m2", transfer.code(203.0 / 1e4)),
-        _ => ("the nominal peak", 0.75),
-    };
-    let code = (white * encoding.largest_code.unwrap_or(255.0)).round();
-    Some(format!(
-        "the curve {name} of the file is inverted, and full scale is {peak}; to make diffuse white (203 cd/m2, BT.2408) full scale, set {} to {code}",
-        Setting("full_scale")
-    ))
 }
 
 /// Statistics of the 16-bit codes of pages.

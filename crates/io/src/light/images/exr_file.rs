@@ -18,6 +18,9 @@ use super::linearization::Pixels;
 /// Maximum number of channels that an error lists.
 const MAX_LISTED_CHANNELS: usize = 12;
 
+/// The value of samples that no chunk of the file contains. It is not a number, which no light is.
+const MISSING_SAMPLE: u32 = 0x7FC0_5A5A;
+
 /// The picture of a file: red, green and blue, or the luminance.
 #[derive(Clone, Debug)]
 pub(super) struct ExrPicture {
@@ -153,16 +156,32 @@ pub(super) fn read(file: impl BufRead + Seek, path: &Path, picture: &ExrPicture)
     let has_channels = |h: &&Header| {
         !h.deep && picture.channels.iter().all(|name| h.channels.list.iter().any(|c| c.name == *name))
     };
-    let offset = reader.headers().iter().find(has_channels).map_or(Vec2(0, 0), |h| {
-        h.own_attributes.layer_position - h.shared_attributes.display_window.position
-    });
+    let (offset, stored_size) =
+        reader.headers().iter().find(has_channels).map_or_else(Default::default, |h| {
+            let offset = h.own_attributes.layer_position - h.shared_attributes.display_window.position;
+            (offset, h.layer_size)
+        });
     let (width, height) = (size.width(), size.height());
+    let stored_range = |start: i32, len: usize, limit: usize| {
+        let end = i64::from(start) + len as i64;
+        i64::from(start).clamp(0, limit as i64) as usize..end.clamp(0, limit as i64) as usize
+    };
+    let rows = stored_range(offset.y(), stored_size.y(), height);
+    let columns = stored_range(offset.x(), stored_size.x(), width);
     let index = move |at: Vec2<usize>| {
         let at = at.to_i32() + offset;
         let (x, y) = (usize::try_from(at.x()).ok()?, usize::try_from(at.y()).ok()?);
         (x < width && y < height).then_some(y * width + x)
     };
-    let samples = move |_: Vec2<usize>| vec![0_f32; width * height * count];
+    let samples = move |_: Vec2<usize>| {
+        let mut samples = vec![0_f32; width * height * count];
+        for row in rows.clone() {
+            let start = row * width;
+            samples[(start + columns.start) * count..(start + columns.end) * count]
+                .fill(f32::from_bits(MISSING_SAMPLE));
+        }
+        samples
+    };
     let selection = exr::prelude::read().no_deep_data().largest_resolution_level().specific_channels();
     let values = match &picture.channels[..] {
         [red, green, blue] => selection
@@ -197,6 +216,13 @@ pub(super) fn read(file: impl BufRead + Seek, path: &Path, picture: &ExrPicture)
             .map(|image| image.layer_data.channel_data.pixels),
     }
     .map_err(|e| damaged_error(path, &e))?;
+    let missing = values.chunks(count).filter(|pixel| pixel[0].to_bits() == MISSING_SAMPLE).count();
+    if missing > 0 {
+        return Err(Error::new(ErrorKind::Input, path.display())
+            .found(format_args!("{} without samples", Count(missing, "pixel")))
+            .expected("a complete OpenEXR image")
+            .remedy("render or copy the image again"));
+    }
     Ok(if count == 1 {
         Pixels::GrayFloats { size, values }
     } else {

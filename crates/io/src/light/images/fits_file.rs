@@ -5,6 +5,7 @@
 //! ROWORDER states another order.
 
 use spikelane::unstable::Count;
+use spikelane::unstable::npy;
 use std::path::Path;
 
 use image::{DynamicImage, ImageBuffer};
@@ -164,7 +165,7 @@ fn image_of(
         Some(i) if axes[3 + i..].iter().all(|n| *n == 1) => axes[2 + i],
         Some(_) => {
             return Err(Error::new(ErrorKind::Input, path.display())
-                .found(format_args!("axes of the lengths {axes:?}"))
+                .found(format_args!("axes of the lengths {}", npy::shape_text(axes)))
                 .expected("width, height and, optionally, frames")
                 .remedy("save an image of two or three axes"));
         }

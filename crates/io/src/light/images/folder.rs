@@ -4,9 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::image_file::{self, ImageFile};
 use super::linearization::Linearization;
-use super::missing_numbers;
-use super::name_order;
-use super::natural_order::natural_cmp;
+use super::names::{missing_numbers_note, name_order_note, natural_cmp, sort_by_name};
 use crate::light::resize_mode::ResizeMode;
 use crate::light::timestamps::{self, FrameTimes};
 use spikelane::error::{Error, ErrorKind, Result, Setting};
@@ -16,6 +14,7 @@ use spikelane::light::{Frame, Source};
 use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
+use spikelane::unstable::inputs::{Access, check_link};
 
 /// The images of a folder. Each image is one frame. Subfolders are ignored.
 #[derive(Debug)]
@@ -40,11 +39,11 @@ pub struct ImageFolder {
 
 impl ImageFolder {
     /// Lists the folder and reads the header of every image. If `accept_damage` is set, the decoded parts of damaged
-    /// images are used, and notes name these images.
+    /// images are used, and notes name these images. `access` states whether links may leave the folder.
     ///
     /// # Errors
     /// * [`ErrorKind::Io`] if the folder cannot be listed.
-    /// * [`ErrorKind::Input`] if the folder contains no image, or if an image cannot be read.
+    /// * [`ErrorKind::Input`] if the folder contains no image, if an image cannot be read, or if `access` forbids a link.
     /// * [`ErrorKind::Input`] if image sizes differ, or if some images have float pixels and some have integer pixels.
     /// * [`ErrorKind::Input`] if the mode is [`ResizeMode::Crop`] and the images are smaller than the camera.
     /// * [`ErrorKind::Input`] if a `timestamps.txt` in the folder does not contain a time for each image.
@@ -54,8 +53,9 @@ impl ImageFolder {
         resize_mode: ResizeMode,
         linear: Linearization,
         accept_damage: bool,
+        access: Access,
     ) -> Result<Self> {
-        let (files, mut ignored, others) = list_images(folder)?;
+        let (files, mut ignored, others) = list_images(folder, access)?;
         let Some(first) = files.first() else {
             return Err(Error::new(ErrorKind::Input, folder.display())
                 .found(format_args!("no image among {}", Count(others, "entry")))
@@ -90,7 +90,7 @@ impl ImageFolder {
             ));
         }
         let linear = linear.for_encoding(&first_file.encoding);
-        let times = timestamps::read_beside(folder, &files, &mut first_file.notes)?;
+        let times = timestamps::read_beside(folder, &files, access, &mut first_file.notes)?;
         let used = times.as_ref().filter(|t| t.path.parent() == Some(folder)).map(|t| name(&t.path));
         ignored.retain(|name| Some(name) != used.as_ref());
         Ok(Self {
@@ -172,9 +172,33 @@ fn check_same_white(file: &ImageFile, first: &ImageFile) -> Result<()> {
         .remedy("put the images into separate folders"))
 }
 
-/// Returns the images in natural order, the names of visible entries that are not images, and the number of all
+/// Returns the images in a folder in the order of the numbers in their names. Hidden files are not listed.
+///
+/// # Examples
+/// ```
+/// # let folder = tempfile::tempdir().map_err(|e| spikelane::Error::io("a folder", e))?;
+/// # let folder = folder.path();
+/// for name in ["img10.png", "img2.png", "notes.txt"] {
+///     std::fs::write(folder.join(name), "").map_err(|e| spikelane::Error::io(name, e))?;
+/// }
+/// let images = spikelane_io::light::image_files(folder, false)?;
+/// assert_eq!(images, [folder.join("img2.png"), folder.join("img10.png")]);
+/// # Ok::<(), spikelane::Error>(())
+/// ```
+///
+/// # Errors
+/// * [`ErrorKind::Io`] if the folder cannot be listed.
+/// * [`ErrorKind::Input`] if an image is a link to a file outside the folder, and `follow_links` is false.
+pub fn image_files(folder: &Path, follow_links: bool) -> Result<Vec<PathBuf>> {
+    list_images(folder, Access::for_reading(follow_links)).map(|(files, ..)| files)
+}
+
+/// Returns the images in order, the names of visible entries that are not images, and the number of all
 /// entries that are not images.
-pub(in crate::light) fn list_images(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>, usize)> {
+pub(in crate::light) fn list_images(
+    folder: &Path,
+    access: Access,
+) -> Result<(Vec<PathBuf>, Vec<String>, usize)> {
     let refused = |e| Error::io(folder.display(), e);
     let (mut files, mut ignored, mut hidden) = (Vec::new(), Vec::new(), 0);
     for entry in std::fs::read_dir(folder).map_err(refused)? {
@@ -182,15 +206,16 @@ pub(in crate::light) fn list_images(folder: &Path) -> Result<(Vec<PathBuf>, Vec<
         if name(&path).starts_with('.') {
             hidden += 1;
         } else if image_file::is_image(&path)
-            && std::fs::metadata(&path).is_ok_and(|metadata| !metadata.is_dir())
+            && !std::fs::metadata(&path).map_err(|e| Error::io(path.display(), e))?.is_dir()
         {
+            check_link(folder, &path, access)?;
             files.push(path);
         } else {
             ignored.push(name(&path));
         }
     }
     ignored.sort_by(|a, b| natural_cmp(a, b));
-    files.sort_by(|a, b| natural_cmp(&name(a), &name(b)));
+    sort_by_name(&mut files);
     let others = ignored.len() + hidden;
     Ok((files, ignored, others))
 }
@@ -266,8 +291,8 @@ impl Source for ImageFolder {
 
     fn notes(&self) -> Vec<String> {
         let place = self.folder.display();
-        let gap = missing_numbers::missing_numbers_note(&self.files).map(|text| format!("{place}: {text}"));
-        let order = name_order::name_order_note(&self.files).map(|text| format!("{place}: {text}"));
+        let gap = missing_numbers_note(&self.files).map(|text| format!("{place}: {text}"));
+        let order = name_order_note(&self.files, self.times.is_some()).map(|text| format!("{place}: {text}"));
         let skipped = skipped_note(&self.ignored_names).map(|text| format!("{place}: {text}"));
         let of_files = self.file_notes.iter().map(|note| format!("{place}: {note}"));
         gap.into_iter().chain(order).chain(skipped).chain(of_files).collect()

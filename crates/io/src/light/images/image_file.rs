@@ -24,7 +24,7 @@ use spikelane::unstable::light::declared_geometry;
 
 use super::decoding::{DamagePolicy, decode_error, limits};
 use super::deep_apng::DeepApng;
-use super::encoding::{CodeScan, Encoding, hdr_note, store_transfer, transfer_from_icc};
+use super::encoding::{CodeScan, Encoding, store_transfer, transfer_from_icc};
 #[cfg(feature = "exr")]
 use super::exr_file;
 use super::fits_file::{self, FitsFile};
@@ -36,26 +36,13 @@ use super::{jpeg_file, pfm, png_chunks, tiff_file, webp_chunks};
 use crate::light::pixel_aspect::PixelAspect;
 
 pub use super::linearization::{Linearization, linearize};
-
-/// File extensions of images.
-pub const EXTENSIONS: [&str; 18] = [
-    "png", "jpg", "jpeg", "tif", "tiff", "exr", "bmp", "pgm", "ppm", "pnm", "pbm", "webp", "apng", "pfm",
-    "hdr", "fits", "fit", "fts",
-];
+pub use super::names::{EXTENSIONS, is_image};
 
 /// The first bytes of every OpenEXR file.
 const EXR_MAGIC: &[u8] = b"\x76\x2f\x31\x01";
 
 /// Size limit in bytes of the text header of a Radiance HDR picture.
 const MAX_HDR_HEADER_BYTES: u64 = 1 << 16;
-
-/// Returns whether the file name has one of the [`EXTENSIONS`].
-#[must_use]
-pub fn is_image(path: &Path) -> bool {
-    path.extension()
-        .and_then(|e| e.to_str())
-        .is_some_and(|e| EXTENSIONS.iter().any(|x| e.eq_ignore_ascii_case(x)))
-}
 
 /// The properties in the header of an image file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -390,7 +377,7 @@ impl ImageFile {
         if scanned.first().is_some_and(Pixels::is_transparent) {
             self.notes.push("alpha is not used: transparent pixels have their stored color".to_owned());
         }
-        self.notes.extend(hdr_note(&self.encoding, linear));
+        self.notes.extend(linear.hdr_note(&self.encoding));
         if self.encoding.white_code.is_none() && !linear.has_full_scale() {
             let mut scan = CodeScan::default();
             scanned.iter().filter_map(Pixels::codes16).for_each(|codes| scan.add(codes));

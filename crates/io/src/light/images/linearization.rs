@@ -3,7 +3,7 @@
 use image::DynamicImage;
 use image::metadata::Orientation;
 
-use spikelane::error::{Error, ErrorKind, Result};
+use spikelane::error::{Error, ErrorKind, Result, Setting};
 use spikelane::light::{Frame, OwnedSamples, ToneCurve, Transfer};
 use spikelane::sensor::{FrontEnd, FullScale};
 use spikelane::spikes::Geometry;
@@ -125,9 +125,28 @@ impl Linearization {
         self.stated_full_scale.is_some() || self.front_end.full_scale != FullScale::MAX_CODE
     }
 
-    /// Returns whether the transfer function of a file is used.
-    pub(in crate::light) const fn uses_transfer_of_file(&self) -> bool {
-        self.is_default
+    /// Returns the note about a transfer function of HDR pictures, or `None` for other transfer functions.
+    ///
+    /// The code of diffuse white is that of ITU-R BT.2408-7, table 1.
+    pub(in crate::light) fn hdr_note(&self, encoding: &Encoding) -> Option<String> {
+        let transfer = encoding.transfer.filter(|t| t.is_high_dynamic_range())?;
+        let name = transfer.to_string().to_uppercase();
+        if !self.is_default {
+            let used = self.integers.transfer();
+            return Some(format!("the file states the curve {name}, but the curve {used} is used"));
+        }
+        if self.has_full_scale() {
+            return None;
+        }
+        let (peak, white) = match transfer {
+            Transfer::Pq => ("10,000 cd/m2", transfer.code(203.0 / 1e4)),
+            _ => ("the nominal peak", 0.75),
+        };
+        let code = (white * encoding.largest_code.unwrap_or(255.0)).round();
+        Some(format!(
+            "the curve {name} of the file is inverted, and full scale is {peak}; to make diffuse white (203 cd/m2, BT.2408) full scale, set {} to {code}",
+            Setting("full_scale")
+        ))
     }
 
     /// Returns full scale in the units of the file.

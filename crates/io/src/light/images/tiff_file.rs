@@ -418,7 +418,12 @@ fn floats(result: DecodingResult) -> Vec<f32> {
 }
 
 fn storage_error<R: Read + Seek>(path: &Path, decoder: &mut Decoder<R>) -> Error {
-    let found = decoder.colortype().map_or_else(|e| e.to_string(), |c| format!("pixels of the type {c:?}"));
+    let found = decoder.colortype().map_or_else(
+        |e| e.to_string(),
+        |kind| {
+            format!("pixels of {} with {} bits each", Count(kind.num_samples(), "sample"), kind.bit_depth())
+        },
+    );
     unsupported_error(path, &found)
 }
 

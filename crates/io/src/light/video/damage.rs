@@ -1,4 +1,4 @@
-//! Damage that ffmpeg and ffprobe report, and frames that the header of a video states but the file lacks.
+//! Damage that ffmpeg and ffprobe report.
 //!
 //! ffmpeg conceals damaged parts of a picture and continues. It marks these pictures as corrupt, and its decoders and
 //! demuxers print errors. Both programs run with the log level `verbose` and print the level of each line. Messages of
@@ -57,10 +57,15 @@ impl<'a> LogLine<'a> {
         Some(format!("{}x{} {}", part("w:")?, part("h:")?, part("pixfmt:")?))
     }
 
+    /// Returns whether the line means that a packet or a frame is marked as corrupt.
+    pub(super) fn is_corrupt_mark(&self) -> bool {
+        self.message.contains("corrupt decoded frame") || self.message.contains("corrupt input packet")
+    }
+
     /// Returns whether the line means that pictures are damaged or missing. `names` are the names of the decoder and of
     /// the demuxer of the video.
     pub(super) fn is_damage(&self, names: &[String]) -> bool {
-        if self.message.contains("corrupt decoded frame") || self.message.contains("corrupt input packet") {
+        if self.is_corrupt_mark() {
             return true;
         }
         let concerns_video = self.component.is_none_or(|component| {
@@ -103,21 +108,6 @@ impl Damage {
     }
 }
 
-/// Returns the number of frames that the file contains, if it is lower than the number in the header of an AVI.
-///
-/// `entries` are the lines of ffprobe for the packets. In an AVI, the time of a packet is the number of its frame, so
-/// frames that a recorder dropped count. Other containers state either no number or a number that edit lists change.
-/// Some programs state one frame too many. A program that writes to a pipe states a placeholder of at least 2^30.
-pub(super) fn frames_of_cut_avi(stated: u64, rate: f64, entries: &str) -> Option<u64> {
-    const PLACEHOLDER: u64 = 1 << 30;
-    let times = entries.lines().filter_map(|line| line.trim().strip_prefix("dts_time="));
-    let last = times
-        .filter_map(|time| time.parse::<f64>().ok())
-        .fold(None, |a: Option<f64>, b| Some(a.map_or(b, |a| a.max(b))))?;
-    let found = (last * rate).round() as u64 + 1;
-    (found + 1 < stated && stated < PLACEHOLDER).then_some(found)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -155,21 +145,5 @@ mod tests {
         ] {
             assert_eq!(LogLine::parse(line).is_damage(&names), is_damage, "{line}");
         }
-    }
-
-    #[test]
-    fn a_cut_avi_has_fewer_frames_than_its_header_states() {
-        let packets = |numbers: &[u64]| {
-            let line = |n: &u64| format!("dts_time={}\n", *n as f64 / 25.0);
-            numbers.iter().map(line).collect::<String>()
-        };
-        let found = |stated, numbers: &[u64]| frames_of_cut_avi(stated, 25.0, &packets(numbers));
-        assert_eq!(found(20, &[0, 1, 2]), Some(3));
-        // Frame 1 was dropped by the recorder, and its place has no data.
-        assert_eq!(found(4, &[0, 2, 3]), None);
-        assert_eq!(found(4, &[0, 1, 2]), None);
-        assert_eq!(found(0, &[0, 1, 2]), None);
-        assert_eq!(found(1 << 30, &[0, 1, 2]), None);
-        assert_eq!(found(20, &[]), None);
     }
 }

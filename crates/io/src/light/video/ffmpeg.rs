@@ -33,6 +33,10 @@ const MAX_ERROR_LINES: usize = 4;
 struct DecodingLog {
     last_errors: VecDeque<String>,
     damage: Damage,
+    /// Names of the decoder and of the demuxer.
+    names: Vec<String>,
+    /// Whether the frames that are marked as corrupt are complete.
+    ignores_corrupt_marks: bool,
     /// Width, height and pixel format of the frames.
     frame_format: Option<String>,
     /// The first other frame format.
@@ -40,9 +44,10 @@ struct DecodingLog {
 }
 
 impl DecodingLog {
-    fn add(&mut self, line: &str, names: &[String]) {
+    fn add(&mut self, line: &str) {
         let parsed = LogLine::parse(line);
-        if parsed.is_damage(names) {
+        let is_ignored = self.ignores_corrupt_marks && parsed.is_corrupt_mark();
+        if parsed.is_damage(&self.names) && !is_ignored {
             self.damage.add(parsed.message);
         }
         if parsed.is_error() {
@@ -86,15 +91,19 @@ impl FfmpegProcess {
             .spawn()
             .map_err(|e| missing_program_error(program, e))?;
         let stderr = child.stderr.take();
-        let damage = probe.damage.clone();
-        let log = Arc::new(Mutex::new(DecodingLog { damage, ..DecodingLog::default() }));
-        let (written, names) = (Arc::clone(&log), probe.log_names.clone());
+        let log = Arc::new(Mutex::new(DecodingLog {
+            damage: probe.damage.clone(),
+            names: probe.log_names.clone(),
+            ignores_corrupt_marks: probe.are_corrupt_only_at_joins,
+            ..DecodingLog::default()
+        }));
+        let written = Arc::clone(&log);
         // A separate thread reads standard error. If nothing read the pipe, the pipe would become full and ffmpeg
         // would block.
         let read_log = move || {
             for line in stderr.into_iter().flat_map(|s| BufReader::new(s).split(b'\n')) {
                 let Ok(line) = line else { break };
-                locked(&written).add(&String::from_utf8_lossy(&line), &names);
+                locked(&written).add(&String::from_utf8_lossy(&line));
             }
         };
         let thread = std::thread::Builder::new().name("ffmpeg".into()).spawn(read_log);
@@ -244,11 +253,11 @@ impl FfmpegSource {
             linear,
             probe.sample_encoding(),
         )?;
-        if let Some((width, height)) = probe.clean_aperture
+        if let Some((width, height)) = probe.visible_size
             && ![(width, height), (height, width)].contains(&video.coded_size())
         {
             notes.push(format!(
-                "the clean aperture of {width}x{height} pixels is not used: whole frames are shown"
+                "the file states that {width}x{height} pixels are visible, which is not used: whole frames are shown"
             ));
         }
         let notes = notes.iter().map(|note| format!("{name}: {note}")).collect();

@@ -10,25 +10,33 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::capture_rate::CaptureRate;
-use super::damage::{Damage, LogLine, frames_of_cut_avi};
+use super::damage::{Damage, LogLine};
+use super::packets::Packets;
 use super::yuv::{Matrix, SampleEncoding};
-use super::{container_end, mp4_boxes};
+use super::{container_end, matroska_elements, mp4_boxes};
 use crate::light::images::encoding::{Encoding, StatedTransfer, store_transfer, transfer_from_h273};
-use crate::light::timestamps;
 use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::light::Transfer;
 use spikelane::unstable::inputs::InputFile;
 
 /// What ffprobe reports about the first video stream and its container.
-const PROBED_ENTRIES: &str = "stream=codec_name,pix_fmt,color_range,color_space,color_transfer,color_primaries,avg_frame_rate,nb_frames:\
-                              stream_tags=com.android.capture.fps:stream_side_data=side_data_type:\
+const PROBED_ENTRIES: &str = "stream=index,codec_name,pix_fmt,color_range,color_space,color_transfer,color_primaries,avg_frame_rate,nb_frames:\
+                              stream_tags=com.android.capture.fps:stream_side_data=side_data_type,rotation:frame_side_data=side_data_type:\
                               format=format_name:format_tags=com.android.capture.fps";
 
 /// Kinds of side data of a stream that change its pictures and are not used.
-const SIDE_DATA_NOTES: [(&str, &str); 2] = [
+const SIDE_DATA_NOTES: [(&str, &str); 4] = [
     (
         "Stereo 3D",
         "the file states stereo pictures, which are not separated: a frame contains both views, or one of them",
+    ),
+    (
+        "Mastering display metadata",
+        "the luminance of the mastering display is not used: the curve of the file determines the light",
+    ),
+    (
+        "Content light level metadata",
+        "the content light level is not used: the curve of the file determines the light",
     ),
     ("DOVI configuration record", "the Dolby Vision data are not used: the light is that of the base layer"),
 ];
@@ -53,29 +61,6 @@ fn decoder_name(codec: &str) -> &str {
         "msmpeg4v3" => "msmpeg4",
         other => other,
     }
-}
-
-/// Returns the number of packets that become visible frames. Packets with the discard flag `D` are decoded only as
-/// references for other frames.
-fn count_shown_frames(packets: &str) -> u64 {
-    let flags = packets.lines().filter_map(|line| line.trim().strip_prefix("flags="));
-    flags.filter(|flags| !flags.contains('D')).count() as u64
-}
-
-/// Returns the frame times of a stream, computed from its packets. Returns `None` if the frame rate is constant or if
-/// a time is missing.
-fn nonuniform_times(text: &str) -> Option<Vec<u64>> {
-    let (mut times, mut time) = (Vec::new(), None);
-    for (key, value) in text.lines().filter_map(|line| line.trim().split_once('=')) {
-        match key {
-            "pts_time" => time = Some(value.parse::<f64>().ok()?),
-            "flags" if !value.contains('D') => times.push(time?),
-            _ => {}
-        }
-    }
-    times.sort_by(f64::total_cmp);
-    let starts = timestamps::nanoseconds(&times).ok()?;
-    (starts.len() > 1 && !timestamps::are_uniform(&starts)).then_some(starts)
 }
 
 /// The arrangement of the samples in a pixel format, and the number of bits per sample.
@@ -106,8 +91,10 @@ pub(super) struct VideoProbe {
     pub log_names: Vec<String>,
     /// Damage of the container.
     pub damage: Damage,
-    /// Width and height of the part of the frames that the container states.
-    pub clean_aperture: Option<(u32, u32)>,
+    /// Whether only complete frames are marked as corrupt, because two files were joined after them.
+    pub are_corrupt_only_at_joins: bool,
+    /// Width and height of the visible part of the frames that the container states.
+    pub visible_size: Option<(u32, u32)>,
 }
 
 impl VideoProbe {
@@ -117,18 +104,24 @@ impl VideoProbe {
     /// * [`ErrorKind::Tool`] if ffprobe is missing or crashes.
     /// * [`ErrorKind::Input`] if ffprobe cannot read the file or finds no video, or if the matrix is not supported.
     pub(crate) fn from_file(path: &Path, program: &str) -> Result<Self> {
-        let (text, _) = Self::query(path, program, PROBED_ENTRIES)?;
+        // Some side data are in the first frame only.
+        let first_frame = ["-v", "level+error", "-read_intervals", "%+#1"];
+        let (text, _) = Self::query(path, program, &first_frame, PROBED_ENTRIES)?;
         let mut probe = Self::parse(&text).map_err(|e| e.with_context(path.display()))?;
-        let (packets, log) = Self::query(path, program, "packet=dts_time,pts_time,flags")?;
-        probe.times = nonuniform_times(&packets);
-        probe.frames = Some(count_shown_frames(&packets));
+        let (packets, log) =
+            Self::query(path, program, &["-v", "level+warning"], "packet=dts_time,pts_time,flags")?;
+        let packets = Packets::parse(&packets, &log, value(&text, "index").unwrap_or_default());
+        probe.times = packets.nonuniform_times();
+        probe.frames = Some(packets.frames());
+        probe.notes.extend(packets.join_note());
+        probe.are_corrupt_only_at_joins = packets.are_corrupt_only_at_joins;
         for line in log.lines().map(LogLine::parse).filter(|line| line.is_damage(&probe.log_names)) {
             probe.damage.add(line.message);
         }
         let playback_hz = value(&text, "avg_frame_rate").and_then(parse_fraction);
         if let ("avi", Some(stated), Some(rate)) =
             (probe.container(), value(&text, "nb_frames").and_then(|n| n.parse().ok()), playback_hz)
-            && let Some(found) = frames_of_cut_avi(stated, rate, &packets)
+            && let Some(found) = packets.frames_of_cut_avi(stated, rate)
         {
             probe.damage.add(&format!("{found} of the {stated} frames that the header states"));
         }
@@ -143,7 +136,9 @@ impl VideoProbe {
             probe.capture_rate = CaptureRate::new(capture, playback);
         }
         probe.notes.extend(probe.capture_rate.map(CaptureRate::note));
-        probe.clean_aperture = boxes.clean_aperture;
+        let is_matroska = probe.container().starts_with("matroska");
+        let cropped_size = is_matroska.then(|| matroska_elements::cropped_size(&file)).flatten();
+        probe.visible_size = boxes.clean_aperture.or(cropped_size);
         Ok(probe)
     }
 
@@ -152,15 +147,17 @@ impl VideoProbe {
         self.log_names.last().map_or("", String::as_str)
     }
 
-    /// Returns the lines `key=value` of `entries` for the first video stream, and the log of ffprobe.
-    fn query(path: &Path, program: &str, entries: &str) -> Result<(String, String)> {
+    /// Returns the lines `key=value` of `entries` for the first video stream, and the log of ffprobe. `options` are more
+    /// options of ffprobe.
+    fn query(path: &Path, program: &str, options: &[&str], entries: &str) -> Result<(String, String)> {
         let name = path.display();
         let probe = match program.strip_suffix("ffmpeg") {
             Some(folder) => format!("{folder}ffprobe"),
             None => "ffprobe".to_owned(),
         };
         let ran = Command::new(&probe)
-            .args(["-v", "level+error", "-select_streams", "v:0", "-of", "default=noprint_wrappers=1"])
+            .args(options)
+            .args(["-select_streams", "v:0", "-of", "default=noprint_wrappers=1"])
             .args(["-show_entries", entries])
             .args(single_file_args(path))
             .stdin(Stdio::null())
@@ -234,6 +231,13 @@ impl VideoProbe {
                 notes.push(note.to_owned());
             }
         }
+        let rotation = value("rotation").and_then(|degrees| degrees.parse::<i32>().ok()).unwrap_or(0);
+        if rotation % 90 != 0 {
+            notes.push(format!(
+                "the frames are rotated by {} degrees, as the file states: corners outside a picture are black",
+                -rotation
+            ));
+        }
         let log_names = ["codec_name", "format_name"].into_iter().filter_map(value);
         let log_names = log_names.map(|name| decoder_name(&name).to_owned()).collect();
         let transfer = encoding.transfer;
@@ -248,7 +252,8 @@ impl VideoProbe {
             capture_rate: None,
             log_names,
             damage: Damage::default(),
-            clean_aperture: None,
+            are_corrupt_only_at_joins: false,
+            visible_size: None,
         })
     }
 
@@ -420,21 +425,6 @@ mod tests {
         for (name, wanted) in known {
             assert_eq!(pixel_family(name), wanted, "{name}");
         }
-    }
-
-    #[test]
-    fn times_of_packets_in_the_order_of_decoding_are_sorted() {
-        let packets = |times: &[&str]| {
-            let line = |t: &&str| format!("pts_time={t}\nflags=K__\n");
-            times.iter().map(line).collect::<String>()
-        };
-        assert_eq!(
-            nonuniform_times(&packets(&["0.0", "0.1", "0.04", "0.3"])),
-            Some(vec![0, 40_000_000, 100_000_000, 300_000_000])
-        );
-        assert_eq!(nonuniform_times(&packets(&["0.0", "0.08", "0.04", "0.12"])), None);
-        assert_eq!(nonuniform_times(&packets(&["0.0", "N/A", "0.04"])), None);
-        assert_eq!(nonuniform_times("pts_time=-0.5\nflags=KD_\npts_time=0.0\nflags=K__\n"), None);
     }
 
     #[test]

@@ -24,7 +24,7 @@ use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
 
 use super::yuv::{PlaneLayout, SampleEncoding, chroma};
-use crate::light::images::encoding::{Encoding, hdr_note};
+use crate::light::images::encoding::Encoding;
 use crate::light::images::linearization::{Linearization, with_colors};
 use crate::light::pixel_aspect::PixelAspect;
 use crate::light::resize_mode::ResizeMode;
@@ -96,7 +96,7 @@ impl Y4mSource {
         let largest_code = Some(((1_u32 << reader.depth()) - 1).into());
         let encoding = Encoding { transfer: known.transfer, largest_code, ..Encoding::default() };
         let aspect_note = reader.pixel_aspect.used_note(reader.geometry());
-        let notes = hdr_note(&encoding, &linear).into_iter().chain(aspect_note);
+        let notes = linear.hdr_note(&encoding).into_iter().chain(aspect_note);
         let notes = notes.map(|note| format!("{name}: {note}")).collect();
         let linear = linear.for_encoding(&encoding);
         Ok(Self { reader, frames: None, linear, resize_mode, camera, displayed_size, notes })

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use spikelane::error::{Result, bail, error};
 use spikelane::spikes::Geometry;
+use spikelane::unstable::inputs::deserialize_digest;
 use spikelane::unstable::light::srgb_byte;
 use spikelane::unstable::npy::{self, Element};
 use spikelane::unstable::{Count, named_variants};
@@ -142,5 +143,6 @@ pub struct ImageFile {
     /// The number of the readout whose light the image shows, counted from 0.
     pub readout: u64,
     /// Digest of all bytes of the file, as `blake3:<hex>`.
+    #[serde(deserialize_with = "deserialize_digest")]
     pub digest: String,
 }

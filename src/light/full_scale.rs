@@ -1,13 +1,21 @@
-//! Full scale of arrays: the number that represents light of 1.0.
+//! Full scale of arrays: the number that represents light of 1.0, and the recognition of codes that are passed as light.
 
 use std::fmt::Display;
 
-use spikelane::error::{Error, ErrorKind, Result, Setting};
+use crate::error::{Error, ErrorKind, Result, Setting};
 
 /// If no full scale is given, float values above this limit may be integer codes.
 pub const MAX_FLOAT_LIGHT: f32 = 32.0;
 
 /// Returns `full_scale` if it is finite and positive.
+///
+/// # Examples
+/// ```
+/// use spikelane::light::full_scale::check_full_scale;
+/// assert_eq!(check_full_scale(4095.0)?, 4095.0);
+/// assert!(check_full_scale(0.0).is_err());
+/// # Ok::<(), spikelane::Error>(())
+/// ```
 ///
 /// # Errors
 /// [`ErrorKind::Usage`] for another number.
@@ -23,6 +31,13 @@ pub fn check_full_scale(full_scale: f64) -> Result<f64> {
 
 /// Checks float values for which no full scale was given. `name` names the array or image. `place` follows the value in
 /// the message, such as " in frame 3".
+///
+/// # Examples
+/// ```
+/// use spikelane::light::full_scale::check_float_light;
+/// assert!(check_float_light(&[0.2, 0.5, 40.0], "a lamp", "").is_ok());
+/// assert!(check_float_light(&[51.0, 128.0, 255.0], "codes", "").is_err());
+/// ```
 ///
 /// # Errors
 /// [`ErrorKind::Input`] if the values are probably codes: one of them is above 32, and most values above 0 exceed 1.0.
@@ -47,6 +62,11 @@ pub fn check_float_light(values: &[f32], name: impl Display, place: impl Display
 
 /// Returns the number of bits and the code of white of samples that probably have fewer than 16 bits. `max` is the
 /// largest sample of 16 bits.
+///
+/// # Examples
+/// ```
+/// assert_eq!(spikelane::light::full_scale::narrow_codes(4000), Some((12, 4095)));
+/// ```
 #[must_use]
 pub fn narrow_codes(max: u16) -> Option<(u32, u32)> {
     match max {

@@ -16,7 +16,7 @@ use spikelane::spikes::Geometry;
 use spikelane::unstable::Count;
 use spikelane::unstable::inputs::{self, InputFile, MAX_PICTURE_BYTES};
 use spikelane::unstable::light::declared_geometry;
-use spikelane::unstable::npy::Header;
+use spikelane::unstable::npy::{Header, shape_text};
 
 use crate::light::full_scale::{check_float_light, check_full_scale};
 use crate::light::images::encoding::{CodeScan, Encoding};
@@ -446,14 +446,14 @@ fn shape(shape: &[u64], name: &str) -> Result<(u64, Geometry, usize)> {
         [frames, rows, cols, 3] => (frames, rows, cols, 3),
         _ => {
             return Err(Error::new(ErrorKind::Input, name)
-                .found(format_args!("shape {shape:?}"))
+                .found(format_args!("shape {}", shape_text(shape)))
                 .expected("(frames, height, width), (frames, height, width, 3) or (height, width)")
                 .remedy("reshape the array and save the result"));
         }
     };
     if frames == 0 {
         return Err(Error::new(ErrorKind::Input, name)
-            .found(format_args!("shape {shape:?}"))
+            .found(format_args!("shape {}", shape_text(shape)))
             .expected("at least one frame"));
     }
     Ok((frames, declared_geometry(cols, rows, name)?, channels))

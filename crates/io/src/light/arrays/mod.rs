@@ -1,4 +1,0 @@
-//! NumPy arrays as light.
-
-pub mod npy;
-pub mod npz;
