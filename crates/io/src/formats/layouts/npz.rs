@@ -21,8 +21,6 @@ use spikelane::spikes::{Geometry, set_bit};
 use spikelane::unstable::npy::{self, Element, Header};
 use spikelane::unstable::{Count, inputs};
 
-pub(crate) use crate::ARCHIVE_MAGIC as MAGIC;
-
 /// The largest compression ratio of deflate. A header is invalid if it declares more data than this ratio times the
 /// length of the archive.
 const MAX_RATIO: u64 = 1032;
