@@ -1,7 +1,7 @@
 //! Compares cameras with a measured set of gray levels, as in the main figure of the SCSim paper.
 
 use serde::Serialize;
-use spikelane::SimulatorOptions;
+use spikelane::{Light, SimulatorOptions};
 
 use super::measured_filters::MeasuredFilters;
 use crate::{ProgressCallback, RecordedCamera, RecordingSet};
@@ -284,7 +284,7 @@ fn simulate(
         while left > 0 {
             let now = left.min(496);
             let out = &mut bits[..now * geometry.frame_bytes()];
-            simulator.fill(&samples, out)?;
+            simulator.fill(Light::hold(&samples).with_any_brightness(), out)?;
             accumulator.push(SpikeFramesRef::new(geometry, out)?)?;
             left -= now;
         }
