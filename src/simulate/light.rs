@@ -35,7 +35,11 @@ use crate::spikes::Geometry;
 /// # Ok::<(), spikelane::Error>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Light<'a>(Source<'a>);
+pub struct Light<'a> {
+    source: Source<'a>,
+    /// Whether floats that are probably codes are accepted.
+    is_any_brightness: bool,
+}
 
 #[derive(Clone, Debug)]
 enum Source<'a> {
@@ -45,6 +49,34 @@ enum Source<'a> {
 }
 
 impl<'a> Light<'a> {
+    const fn from_source(source: Source<'a>) -> Self {
+        Self { source, is_any_brightness: false }
+    }
+
+    /// Returns this light with floats of any brightness. Otherwise, floats of 0 to 255 at the first readout are an error,
+    /// because they are probably codes.
+    ///
+    /// # Examples
+    /// ```
+    /// use spikelane::{Camera, Light, Seeds, Sensor, Simulator};
+    /// let mut simulator = Simulator::new(&Camera::ideal(Sensor::new(4, 2, 20_000.0)?), Seeds::default())?;
+    /// let bright = [255.0_f32; 8];
+    /// assert!(simulator.run(&bright, 10).is_err());
+    /// // Every pixel fires at every readout, because the sensor clips the light.
+    /// assert_eq!(simulator.run(Light::hold(&bright).with_any_brightness(), 10)?.spikes(), 10 * 8);
+    /// # Ok::<(), spikelane::Error>(())
+    /// ```
+    #[must_use]
+    pub const fn with_any_brightness(mut self) -> Self {
+        self.is_any_brightness = true;
+        self
+    }
+
+    /// Returns whether floats that are probably codes are accepted.
+    pub(super) const fn is_any_brightness(&self) -> bool {
+        self.is_any_brightness
+    }
+
     /// Returns light that is `frame` at every readout.
     ///
     /// # Examples
@@ -57,7 +89,7 @@ impl<'a> Light<'a> {
     /// ```
     #[must_use]
     pub fn hold(frame: impl Into<FrameRef<'a>>) -> Self {
-        Self(Source::Hold(frame.into()))
+        Self::from_source(Source::Hold(frame.into()))
     }
 
     /// Returns light between two frames. The light of readout `i` is `from + (to - from) * weights[i]`.
@@ -78,7 +110,7 @@ impl<'a> Light<'a> {
     /// ```
     #[must_use]
     pub fn linear(from: impl Into<FrameRef<'a>>, to: impl Into<FrameRef<'a>>, weights: &'a [f32]) -> Self {
-        Self(Source::Linear { from: from.into(), to: to.into(), weights })
+        Self::from_source(Source::Linear { from: from.into(), to: to.into(), weights })
     }
 
     /// Returns the light of frames on a timeline. Readout 0 of the timeline is the first readout of the call of the
@@ -101,7 +133,7 @@ impl<'a> Light<'a> {
     /// ```
     #[must_use]
     pub fn sequence(frames: &'a [FrameRef<'a>], timeline: &'a Timeline) -> Self {
-        Self(Source::Sequence { frames, timeline })
+        Self::from_source(Source::Sequence { frames, timeline })
     }
 }
 
@@ -140,7 +172,7 @@ impl<'a> ValidLight<'a> {
     /// # Errors
     /// Returns the errors of [`crate::Simulator::fill`].
     pub(super) fn new(light: Light<'a>, geometry: Geometry, readouts: usize) -> Result<Self> {
-        Ok(match light.0 {
+        Ok(match light.source {
             Source::Hold(frame) => Self::Hold(frame.validate(geometry)?),
             Source::Linear { from, to, weights } => {
                 check_weights(weights, readouts)?;

@@ -263,9 +263,9 @@ impl Simulator {
     /// ```
     ///
     /// # Errors
-    /// If the call fails, the state is unchanged. Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the size of a frame differs from the
-    /// sensor, if a sample is negative or not finite, or if the floats of the first readout are probably codes of 0 to 255.
-    /// Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if
+    /// If the call fails, the state is unchanged. Returns [`ErrorKind::Input`](crate::ErrorKind::Input) if the size of a frame
+    /// differs from the sensor, if a sample is negative or not finite, or if the floats of the first readout are probably codes
+    /// of 0 to 255 (see [`Light::with_any_brightness`]). Returns [`ErrorKind::Usage`](crate::ErrorKind::Usage) if
     /// * the length of `out` is not a multiple of a frame,
     /// * the number of weights differs from the number of readouts,
     /// * a weight is outside 0 to 1,
@@ -351,11 +351,14 @@ impl Simulator {
         self.run_light(&mut light, readouts, out, &mut |_| Ok(()))
     }
 
-    /// Checks `light`. At the first readout, floats that are probably codes are an error, unless the simulator was created
-    /// for light above the limit of this check.
+    /// Checks `light`. At the first readout, floats that are probably codes are an error, unless the caller accepts any
+    /// brightness or the simulator was created for light above the limit of this check.
     fn valid_light<'a>(&self, light: Light<'a>, readouts: usize) -> Result<ValidLight<'a>> {
+        let is_checked = !light.is_any_brightness()
+            && self.state().readout() == 0
+            && self.plan.max_light() <= f64::from(MAX_FLOAT_LIGHT);
         let light = ValidLight::new(light, self.plan.geometry(), readouts)?;
-        if self.state().readout() == 0 && self.plan.max_light() <= f64::from(MAX_FLOAT_LIGHT) {
+        if is_checked {
             light.check_codes()?;
         }
         Ok(light)

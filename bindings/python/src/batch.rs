@@ -293,13 +293,21 @@ impl BatchWorker {
             }
         };
         if !common.unpacked {
-            simulator.fill_observed(Light::sequence(&item.frames, &common.timeline), item.out, watch)?;
+            simulator.fill_observed(
+                Light::sequence(&item.frames, &common.timeline).with_any_brightness(),
+                item.out,
+                watch,
+            )?;
             item.exposure_fault = simulator.exposure_fault();
             return Ok(());
         }
         let geometry = common.geometry;
         self.packed.resize(item.out.len() / geometry.pixels() * geometry.frame_bytes(), 0);
-        simulator.fill_observed(Light::sequence(&item.frames, &common.timeline), &mut self.packed, watch)?;
+        simulator.fill_observed(
+            Light::sequence(&item.frames, &common.timeline).with_any_brightness(),
+            &mut self.packed,
+            watch,
+        )?;
         item.exposure_fault = simulator.exposure_fault();
         let windowed = item.crop.is_some();
         spikes::unpack(geometry, &self.packed, item.out)?;

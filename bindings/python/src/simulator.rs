@@ -350,9 +350,11 @@ impl SimulatorState {
         let mut watch = WorkMonitor::new(py, progress, "readouts")?;
         let (frames, timeline) = (light.array.frames(geometry)?, light.timeline(readouts)?);
         let result = run_unlocked(py, readouts * geometry.pixels(), || {
-            self.simulator.fill_observed(Light::sequence(&frames, &timeline), packed, &mut |done| {
-                watch.update(done as f64, readouts as f64)
-            })
+            self.simulator.fill_observed(
+                Light::sequence(&frames, &timeline).with_any_brightness(),
+                packed,
+                &mut |done| watch.update(done as f64, readouts as f64),
+            )
         });
         watch.into_result(result)?;
         self.warn_of_exposure()
@@ -374,7 +376,7 @@ impl SimulatorState {
         let (frames, timeline) = (light.array.frames(geometry)?, light.timeline(readouts)?);
         let result = run_unlocked(py, dense.len(), || {
             self.scratch.resize(readouts * geometry.frame_bytes(), 0);
-            let light = Light::sequence(&frames, &timeline);
+            let light = Light::sequence(&frames, &timeline).with_any_brightness();
             self.simulator.fill_observed(light, &mut self.scratch, &mut |done| {
                 watch.update(done as f64, readouts as f64)
             })?;

@@ -25,10 +25,10 @@ pub use row_bands::RowBand;
 pub use scene::{SceneChannel, SceneComparison, compare_static_scene};
 pub use scene_statistics::SceneStatistics;
 
-use spikelane::Simulator;
 use spikelane::error::Result;
 use spikelane::spikes::{Geometry, SpikeFramesRef};
 use spikelane::unstable::inputs;
+use spikelane::{Light, Simulator};
 use spikelane_measure::{Accumulator, MeasureOptions, Statistics};
 
 use crate::recordings::protocol::BATCH_READOUTS;
@@ -60,7 +60,7 @@ fn measure_simulation(
     let mut bits = inputs::zeroed_vec("simulated readouts", BATCH_READOUTS * geometry.frame_bytes())?;
     for first in (0..readouts).step_by(BATCH_READOUTS) {
         let out = &mut bits[..BATCH_READOUTS.min(readouts - first) * geometry.frame_bytes()];
-        simulator.fill(samples, out)?;
+        simulator.fill(Light::hold(samples).with_any_brightness(), out)?;
         accumulator.push(SpikeFramesRef::new(geometry, out)?)?;
     }
     Ok(accumulator.finish())

@@ -118,7 +118,7 @@ fn each_fault_costs_only_the_score_of_its_sequence() {
         (2, "time limit"),
         (3, "truncated"),
         (4, "NaN"),
-        (5, "[1, 8, 8]"),
+        (5, "(1, 8, 8)"),
         (6, "no output"),
     ] {
         let id = format!("scene-{number:04}");
@@ -329,9 +329,11 @@ fn text_of_a_score_file_becomes_no_markup_of_a_page() {
     place.run_ok("benchmark run data --baseline tfp -o run");
     let hostile = "a\n<!-- benchmark tiny: end -->\n# b `c` | <script>d</script>";
     let mut score = place.json("run/score.json");
-    for key in ["version", "digest"] {
-        score[key] = hostile.into();
-    }
+    score["digest"] = hostile.into();
+    place.write("run/digest.json", score.to_string());
+    place.run_refused("benchmark report run/digest.json -o digest", 3, &["the digest"]);
+    score["digest"] = place.json("run/score.json")["digest"].clone();
+    score["version"] = hostile.into();
     for key in ["spikelane", "system", "processor"] {
         score["environment"][key] = hostile.into();
     }

@@ -71,7 +71,16 @@ fn a_device_without_end_is_refused_at_every_entry() {
     let place = place();
     for (name, line) in INPUT_COMMANDS {
         symlink("/dev/zero", place.path(name)).unwrap();
-        let ran = run(&place, line);
+        let mut ran = run(&place, line);
+        if name.contains('/') {
+            // The link leaves a folder that the user named.
+            assert!(
+                ran.code == 4 && ran.stderr.contains("points outside the folder"),
+                "{line}: {}",
+                ran.stderr
+            );
+            ran = run(&place, &format!("{line} --follow-links"));
+        }
         assert_eq!(ran.code, 4, "{line}: {}", ran.stderr);
         assert!(ran.stderr.contains("a pipe or device"), "{line}: {}", ran.stderr);
     }

@@ -58,7 +58,7 @@ pub fn find_sidecar(stream: &Path) -> Result<Option<PathBuf>> {
     Ok(Some(path))
 }
 
-/// Checks that a file that describes a stream is no symbolic link to another folder. The folder of the stream itself is
+/// Rejects a file that describes a stream if it is a symbolic link to another folder. The folder of the stream itself is
 /// allowed, because a user may link a stream and the files beside it.
 ///
 /// # Errors

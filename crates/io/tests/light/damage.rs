@@ -269,6 +269,10 @@ fn joined_transport_streams_are_reported_and_complete() {
     assert!(notes.contains("after frame 20, as in joined files"), "{notes}");
     let source = open(&path, &options()).unwrap();
     assert!(source.frame_times().is_none() && source.rate().is_some_and(|rate| rate.hz() == 25.0));
+    // The clock jumps forward, so the packets between both files can be missing.
+    let later = ["-c:v", "mpeg2video", "-q:v", "2", "-bf", "2", "-output_ts_offset", "10"];
+    let later = fs::read(video(&dir, "later.ts", &later).unwrap()).unwrap();
+    assert!(refusal(&file(&dir, "gap.ts", [&whole[..], &later].concat())).contains("damaged video"));
     // Packets of 188 bytes are missing inside the first file, or in the last frame, which has 9 packets.
     for missing in [80..84, whole.len() / 188 - 4..whole.len() / 188] {
         let mut bytes = whole.clone();

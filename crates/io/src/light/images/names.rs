@@ -97,7 +97,7 @@ pub(in crate::light) fn decimal_numbers(stems: &[&str]) -> Option<Vec<f64>> {
 /// Returns a note about the order of the files of a folder and the times in their names.
 ///
 /// * The names are sorted by decimal numbers, or contain times since 1970. The numbers are not used as times. If
-///   `has_times` is true, the folder has other times and there is no such note.
+///   `has_times` is true, the folder has other times, and the function returns `None`.
 /// * The names are sorted by their whole numbers, and this order is not the order of their decimal or hexadecimal numbers.
 pub(in crate::light) fn name_order_note(files: &[PathBuf], has_times: bool) -> Option<String> {
     let stems = stems(files)?;

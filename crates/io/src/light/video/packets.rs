@@ -2,9 +2,7 @@
 
 use super::damage::LogLine;
 use crate::light::timestamps;
-
-/// Largest time in seconds between two frames of one recording, if a transport stream is interrupted between them.
-const MAX_INTERRUPTION_SECONDS: f64 = 1.0;
+use spikelane::unstable::Count;
 
 /// Clock ticks per second of a transport stream.
 const TRANSPORT_STREAM_HZ: f64 = 90_000.0;
@@ -25,7 +23,8 @@ struct Packet {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Packets {
     packets: Vec<Packet>,
-    /// Indices of the packets before which the clock jumps: the first packets of files that were joined.
+    /// Indices of the packets before which the clock jumps back: the first packets of files that were joined. A jump
+    /// forward does not count, because packets can be missing before it.
     joins: Vec<usize>,
     /// Whether ffprobe marks packets as corrupt, and each of these packets is the last one before a join.
     ///
@@ -56,13 +55,11 @@ impl Packets {
             .map(|time| Some(time.trim_end_matches(['.', ')']).parse::<f64>().ok()? / TRANSPORT_STREAM_HZ))
             .collect();
         let is_equal = |a: f64, b: Option<f64>| b.is_some_and(|b| (a - b).abs() < EQUAL_SECONDS);
-        let jumps = |pair: &[Packet]| {
-            let (Some(before), Some(after)) = (pair[0].decoded_s, pair[1].decoded_s) else { return false };
-            let is_interrupted = corrupt.iter().any(|time| is_equal(before, *time));
-            after < before || is_interrupted && after > before + MAX_INTERRUPTION_SECONDS
+        let restarts = |pair: &[Packet]| {
+            pair[0].decoded_s.zip(pair[1].decoded_s).is_some_and(|(before, after)| after < before)
         };
         let joins: Vec<usize> =
-            packets.windows(2).enumerate().filter(|(_, pair)| jumps(pair)).map(|(i, _)| i + 1).collect();
+            packets.windows(2).enumerate().filter(|(_, pair)| restarts(pair)).map(|(i, _)| i + 1).collect();
         let is_before_join = |time: &Option<f64>| {
             let ends = joins.iter().filter_map(|join| packets[join - 1].decoded_s);
             ends.clone().any(|end| is_equal(end, *time))
@@ -81,8 +78,8 @@ impl Packets {
         let first = *self.joins.first()?;
         let frames = self.packets[..first].iter().filter(|packet| packet.is_visible).count();
         Some(format!(
-            "the clock of the file jumps {} times, first after frame {frames}, as in joined files: the frames continue without a gap",
-            self.joins.len()
+            "the clock of the file restarts {}, first after frame {frames}, as in joined files: the frames continue without a gap",
+            Count(self.joins.len(), "time")
         ))
     }
 
@@ -144,15 +141,10 @@ mod tests {
 
     #[test]
     fn frames_of_joined_files_continue_without_a_gap() {
-        // The second file starts at the time of the first file, or 10 s later.
-        for start in [10, 260] {
-            let decoded: Vec<u32> = (10..15).chain(start..start + 5).collect();
-            let joined = packets(&decoded, &decoded, &[14]);
-            assert!(
-                joined.are_corrupt_only_at_joins && joined.join_note().unwrap().contains("after frame 5")
-            );
-            assert_eq!((joined.frames(), joined.nonuniform_times()), (10, None));
-        }
+        let decoded: Vec<u32> = (10..15).chain(10..15).collect();
+        let joined = packets(&decoded, &decoded, &[14]);
+        assert!(joined.are_corrupt_only_at_joins && joined.join_note().unwrap().contains("after frame 5"));
+        assert_eq!((joined.frames(), joined.nonuniform_times()), (10, None));
         // A gap of 10 s in the second file remains.
         let decoded = [10, 11, 12, 10, 11, 261];
         let times = packets(&decoded, &decoded, &[12]).nonuniform_times().unwrap();
@@ -161,12 +153,11 @@ mod tests {
 
     #[test]
     fn lost_packets_are_no_join() {
-        let decoded = [10, 11, 12, 14, 15];
-        for (corrupt, only_joins) in [(&[12][..], false), (&[], false)] {
-            let lossy = packets(&decoded, &decoded, corrupt);
-            assert_eq!((lossy.are_corrupt_only_at_joins, lossy.join_note()), (only_joins, None));
+        for decoded in [[10, 11, 12, 14, 15], [10, 11, 12, 260, 261]] {
+            let lossy = packets(&decoded, &decoded, &[12]);
+            assert_eq!((lossy.are_corrupt_only_at_joins, lossy.join_note()), (false, None));
         }
-        // Of two marks, one is inside the first file.
+        // One of two marks is inside the first file.
         let decoded = [10, 11, 12, 10, 11, 12];
         assert!(!packets(&decoded, &decoded, &[11, 12]).are_corrupt_only_at_joins);
     }
