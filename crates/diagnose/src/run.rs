@@ -132,7 +132,7 @@ fn is_divisible(set: &RecordingSet) -> bool {
     !set.recordings.is_empty() && !set.recordings.iter().any(is_static)
 }
 
-/// Returns an error if `set` states the color filters of its camera.
+/// Returns an error if `set` states that its camera has color filters.
 fn check_gray(set: &RecordingSet) -> Result<()> {
     match set.color_filters()? {
         ColorFilters::Mosaic(mosaic) => Err(color_filter_error(format_args!("the mosaic {mosaic}"))),

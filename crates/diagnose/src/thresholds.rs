@@ -161,10 +161,11 @@ pub(crate) const MIN_BASE_FIT_SIMULATIONS: usize = 24;
 /// Largest number of steps of the fit of the base parameters. A choice that limits the time.
 pub(crate) const MAX_BASE_FIT_STEPS: usize = 10;
 
-/// Largest relative change of a parameter in one step. A choice.
+/// Largest relative change of a base parameter in one step of the fit of the base parameters. A choice.
 pub(crate) const MAX_BASE_FIT_STEP: f64 = 0.45;
 
-/// Relative change of a parameter beyond which derivatives are computed again. A choice.
+/// Relative change of a base parameter in one step of the fit above which the derivatives are computed again. A
+/// choice.
 pub(crate) const MAX_DERIVATIVE_MOVE: f64 = 0.15;
 
 /// Relative standard deviation of the prior of a base parameter. A parameter that the data do not determine keeps
@@ -196,7 +197,7 @@ pub(crate) const MANY_PIXELS: (usize, usize) = (20_000, 8);
 /// the number of simulations is inversely proportional to the number of pixels, up to [`MAX_DERIVATIVE_PAIRS`].
 pub(crate) const USUAL_PIXELS: (usize, usize) = (2304, 16);
 
-/// Largest number of simulations for a derivative. A choice that limits the time.
+/// Largest number of simulations for each derivative by a base parameter. A choice that limits the time.
 pub(crate) const MAX_DERIVATIVE_PAIRS: usize = 64;
 
 /// Size of a change, in standard deviations of its noise, below which the change is set to zero. A choice.
@@ -397,7 +398,7 @@ pub(crate) const MAX_SCORE_DEVIATION: f64 = 2.0;
 
 // Acceptance of an effect
 
-/// Largest number of effects that a search adds. A choice that limits the time.
+/// Largest number of effects that one search adds. A choice that limits the time.
 pub(crate) const MAX_EFFECTS: usize = 4;
 
 /// Largest number of effects that a search adds to static scenes of unknown light without held-out recordings. Such
@@ -523,7 +524,8 @@ pub(crate) const MAX_AMBIGUOUS_PARAMETERS: usize = 2;
 /// several times the floor.
 pub(crate) const MAX_RELATIVE_FLOOR_SD: f64 = 3.0;
 
-/// Smallest cosine of two signatures at which one effect may replace the other.
+/// Smallest cosine between the signatures of two effects at which one effect may replace the other. The two are
+/// then reported as ambiguous, even if their fits were not compared.
 pub(crate) const MIN_SIMILAR_COSINE: f64 = 0.9;
 
 /// Largest number of effects that are reported as ambiguous with one effect.
@@ -539,7 +541,7 @@ pub(crate) const MAX_PIXEL_READOUTS: usize = 35_000_000;
 /// frequency bands of the spectra require this many readouts. A choice.
 pub(crate) const MIN_JUDGED_READOUTS: usize = 1250;
 
-/// Smallest number of judged half periods of a square wave.
+/// Smallest number of half periods of a square wave that are compared with the model.
 pub(crate) const MIN_JUDGED_HALF_PERIODS: usize = 5;
 
 /// Light below which all intervals of a constant recording are measured. A choice.
@@ -560,7 +562,7 @@ pub(crate) const MIN_UNIFORM_PIXELS: usize = 500;
 /// intervals. Faster pixels have too few readouts per interval.
 pub(crate) const COMPARED_RATES: std::ops::Range<f64> = 0.05..0.45;
 
-/// Smallest number of readouts of a recording. A choice.
+/// Smallest number of readouts of a recording, or of each half of a divided recording. A choice.
 pub(crate) const MIN_READOUTS: usize = 256;
 
 /// Largest number of simulated pixels of a static scene. Derived: 20,000 pixels determine the temporal noise to 1
@@ -604,13 +606,16 @@ pub(crate) const OUTLIER_HALF_WEIGHT: f64 = 9.0;
 /// higher than the frequencies of lines. A choice.
 pub(crate) const MIN_LINE_LIGHT: f64 = 0.2;
 
-/// Windows after a step, in readouts.
+/// Windows after a step of a square wave in which the response is measured. Each has its first readout and the
+/// first readout after it, counted from the step.
 pub(crate) const STEP_WINDOWS: [(usize, usize); 4] = [(2, 20), (20, 60), (60, 120), (120, 300)];
 
-/// Highest frequency of a line, in cycles per readout. The firing rates of bright pixels are higher.
+/// Highest frequency of a line, in cycles per readout. The firing rates of bright pixels are higher, so they are
+/// not mistaken for lines.
 pub(crate) const MAX_LINE_FREQUENCY: f64 = 0.13;
 
-/// Number of examined frequencies per frequency step of the spectrum. A choice.
+/// Number of frequencies per frequency step of the spectrum that are examined to refine the frequency of a line. A
+/// choice.
 pub(crate) const STEPS_PER_BIN: f64 = 10.0;
 
 /// Number of frequencies on each side of a line whose mean power is the background of the line. A choice.
@@ -639,7 +644,7 @@ pub(crate) const MIN_GAP_INTERVALS: f64 = 1.4;
 /// cause two.
 pub(crate) const MAX_MISSING_RUN: u32 = 2;
 
-/// Smallest number of intervals that determine the mean interval of a pixel. A choice.
+/// Smallest number of intervals of a pixel from which its mean interval is computed. A choice.
 pub(crate) const MIN_INTERVALS: usize = 4;
 
 /// Smallest expected number of spikes in a lost readout at which lost readouts are located. With 30 expected
@@ -683,8 +688,8 @@ pub(crate) const MIN_CHANGE_RATIO: f64 = 5.0;
 /// Relative change of the rate between the halves of a recording below which the light is steady. A choice.
 pub(crate) const MAX_STEADY_CHANGE: f64 = 1e-3;
 
-/// Smallest prominence of a line, which is its power divided by the mean power around it. One frequency in 1e17
-/// exceeds it by chance (exp(-40)).
+/// Smallest prominence at which a line counts as an oscillation of the light. The prominence is the power of the
+/// line, divided by the mean power around it. By chance, one frequency in 1e17 exceeds the limit (exp(-40)).
 pub(crate) const MIN_PROMINENCE: f64 = 40.0;
 
 /// Twice the mains frequencies, in hertz.
@@ -712,7 +717,7 @@ pub(crate) const FIRST_LAMP_DRAWS: usize = 4;
 /// makes one ([`FIRST_SIGNATURE_DRAWS`]).
 pub(crate) const SIGNATURE_DRAWS: usize = 2;
 
-/// Simulations of a signature in the first step; see [`SIGNATURE_DRAWS`].
+/// Number of simulations of a signature in the first step; see [`SIGNATURE_DRAWS`].
 pub(crate) const FIRST_SIGNATURE_DRAWS: usize = 1;
 
 /// Number of sensors of a complete null model whose parameters are drawn from the posterior of the calibration. A
@@ -750,7 +755,7 @@ pub(crate) const MIN_INTERPOLATED_SHARE: f64 = 0.1;
 /// choice.
 pub(crate) const DISTINCT_SDS: f64 = 5.0;
 
-/// Largest recommended length of a recording, relative to the present one. A choice.
+/// Largest recommended length of recordings, as a multiple of their present length. A choice.
 pub(crate) const MAX_LENGTH_FACTOR: f64 = 400.0;
 
 /// Largest number of unexplained statistics that are listed. A choice.

@@ -21,8 +21,8 @@ use spikelane::spikes::SpikeFramesRef;
 /// Number of event kinds: lost readouts, repeated readouts.
 pub(crate) const KIND_COUNT: usize = 2;
 
-/// Locations of the events of each kind in a recording; `None` if they cannot be located. The location of a lost
-/// readout is the first readout after it.
+/// Locations of the events of each kind in one recording. `None` means that the events cannot be located. The
+/// location of a lost readout is the first readout after it. The location of a repeated readout is the repetition.
 pub(crate) type EventLocations = [Option<Vec<usize>>; KIND_COUNT];
 
 /// Returns the event kind of an effect that changes whole readouts.
@@ -75,7 +75,7 @@ pub(crate) fn locate_events(
 #[derive(Clone, Debug, Default, Hash)]
 pub(crate) struct LocatedEvents(pub Vec<EventLocations>);
 
-/// A number of events in a number of readouts.
+/// A number of counted events, and the number of readouts in which they were counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct EventCount {
     pub events: usize,
@@ -88,7 +88,8 @@ impl EventCount {
         self.events as f64 / self.readouts as f64
     }
 
-    /// Returns the standard deviation of the rate.
+    /// Returns the standard deviation of the rate. One event is added to the count, so it is not zero without
+    /// events.
     pub(crate) fn deviation(self) -> f64 {
         (self.events as f64 + 1.0).sqrt() / self.readouts as f64
     }
@@ -245,7 +246,8 @@ mod tests {
 
     #[test]
     fn events_are_applied_at_their_locations() {
-        // Readouts of two bytes. The first one is skipped. The readouts 1, 4 and 5 of the others are lost.
+        // Readouts of two bytes, of which the first one is skipped. Of the other readouts, numbers 1, 4 and 5 are
+        // lost.
         let frames: Vec<u8> = (0..11_u8).flat_map(|t| [t, t]).collect();
         let put = |lost: &[usize], repeated: &[usize]| {
             let mut frames = frames.clone();

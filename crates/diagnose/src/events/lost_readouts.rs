@@ -31,7 +31,8 @@ pub(crate) fn constant_periods(
         return vec![vec![0..readouts]];
     }
     let Some(first) = stretches.first() else { return Vec::new() };
-    // The readouts before the first step do not belong to a stretch.
+    // The readouts before the first step belong to no stretch. Their light is the opposite of the light of the
+    // first stretch.
     let all = std::iter::once((!first.is_bright, 0..first.from))
         .chain(stretches.iter().map(|s| (s.is_bright, s.from..s.to)));
     let all: Vec<(bool, Range<usize>)> = all.collect();

@@ -1,4 +1,4 @@
-//! Scan of a set for faults of its recordings.
+//! Scans a recording set for faults of its recordings.
 
 use crate::faults::fault::Fault;
 use crate::faults::levels::{Point, check, dark_rate, points};
@@ -11,7 +11,7 @@ use crate::statistics::order::Spread;
 use spikelane_calibrate::unstable::SATURATION_RATE;
 use spikelane_calibrate::{LightLevel, Stimulus, StimulusPattern};
 
-/// Result of the scan.
+/// The faults of a recording set, and the consequences for its recordings.
 pub(crate) struct FaultScan {
     pub faults: Vec<Fault>,
     /// Indices of the excluded recordings.
@@ -87,7 +87,7 @@ impl FaultScan {
     }
 }
 
-/// Returns the spike counts of the first half.
+/// Returns the number of spikes of each pixel in the first half of a recording.
 fn first_half_counts(scan: &Scan) -> Vec<u32> {
     scan.pixels.iter().map(|p| p.blocks[..BLOCK_COUNT / 2].iter().sum()).collect()
 }

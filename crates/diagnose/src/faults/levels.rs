@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector};
 use spikelane_calibrate::LightLevel;
 use spikelane_calibrate::unstable::{SATURATION_RATE, chi_square_over_freedom};
 
-/// A level of light.
+/// The response of a camera at one light level.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
     /// Index of the recording, or `None` for a level that is not reported, such as the squares of a checkerboard.
@@ -203,7 +203,7 @@ fn limit(freedom: usize, z: f64) -> f64 {
     freedom as f64 * chi_square_over_freedom(freedom as f64, z)
 }
 
-/// Returns the 5 % quantile of chi-square.
+/// Returns the 5 % quantile of chi-square with `freedom` degrees of freedom.
 fn lower_twentieth(freedom: usize) -> f64 {
     match freedom {
         // The approximation in `limit` is inaccurate for few degrees of freedom. For one, this is the squared

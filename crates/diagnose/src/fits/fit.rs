@@ -29,10 +29,10 @@ pub(crate) struct DerivativeOrigin {
     pub(super) told_by: usize,
 }
 
-/// A fitted model with effects.
+/// A model with effects, fitted to a recording set.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
-    /// Effects in the order in which they were added, with the number of knobs of each.
+    /// Effects in the order in which they were added. Each has the number of its knobs.
     pub effects: Vec<(&'static Definition, usize)>,
     pub model: Model,
     /// Lost and repeated readouts of the fitted set and of the held-out set.
@@ -114,7 +114,7 @@ impl Fit {
         self.noise_of_its_own() > MIN_NOISY_LOG_VOLUME
     }
 
-    /// Returns the cost plus a penalty for each fitted parameter.
+    /// Returns the score of the fit: its cost plus 2 for each fitted parameter (Akaike's information criterion).
     pub(crate) fn price(&self) -> f64 {
         self.cost + 2.0 * self.u.len() as f64
     }
@@ -157,7 +157,7 @@ impl Fit {
         next
     }
 
-    /// Returns a copy without one of the effects.
+    /// Returns a copy without one of the effects. The other parameters do not change.
     pub(crate) fn without(&self, effect: usize) -> Self {
         let mut next = self.of_other_effects();
         let range = self.knobs_of(effect);

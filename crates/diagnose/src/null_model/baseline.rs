@@ -56,7 +56,7 @@ pub(crate) struct Baseline {
     pub statistics: Vec<DiagnosticStatistic>,
     /// Smallest relevant deviation of each statistic, independent of the noise.
     pub floors: Vec<f64>,
-    /// Vectors of sensors with the parameters of the model.
+    /// Vectors of sensors with exactly the parameters of the model.
     pub vectors: Vec<DVector<f64>>,
     /// Each candidate, with the changes that it causes in the first vectors.
     pub signatures: Vec<(Candidate, Vec<DVector<f64>>)>,
@@ -78,7 +78,7 @@ pub(super) const SENSORS_DONE: f64 = 0.48;
 pub(super) const NULL_MODEL_DONE: f64 = 0.8;
 
 impl Baseline {
-    /// Makes the first simulations.
+    /// Makes the first simulations of the base model, its derivatives and the signatures.
     pub(crate) fn first(
         setup: Setup,
         start: StartingCamera,
@@ -119,7 +119,7 @@ impl Baseline {
         Ok(baseline)
     }
 
-    /// Makes the simulations that a search requires, with `signature_draws` of each candidate.
+    /// Makes all further simulations that a search requires. Each signature then has `signature_draws` simulations.
     pub(crate) fn complete(&mut self, signature_draws: usize, progress: ProgressCallback<'_>) -> Result<()> {
         let all = pairs(&self.setup);
         let pieces = SENSORS.saturating_sub(self.vectors.len())

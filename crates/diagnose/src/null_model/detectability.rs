@@ -1,4 +1,4 @@
-//! The smallest detectable strength of each effect.
+//! Estimates the smallest detectable strength of each effect.
 
 use crate::fits::fit::Fit;
 use crate::null_model::model::NullModel;
@@ -19,9 +19,10 @@ pub const DETECTION_SCORE: f64 = 5.0;
 pub struct Detectability {
     /// Canonical name of the effect.
     pub name: &'static str,
-    /// Key of its strength.
+    /// Key of the parameter that is the strength of the effect.
     pub parameter: &'static str,
-    /// Smallest detectable strength, as a difference from the value without the effect, in the parameter's unit.
+    /// Smallest detectable strength. It is the difference from the value without the effect, in the unit of the
+    /// parameter.
     pub strength: f64,
     /// The most similar other effect.
     pub nearest_candidate: &'static str,

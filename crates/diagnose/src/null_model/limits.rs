@@ -34,19 +34,21 @@ pub(crate) const AGREEMENT: LimitLevel =
 /// a limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
-    /// Total misfit.
+    /// Limit of the total misfit: the squared distance of all statistics from the model, without the directions
+    /// that calibration fits.
     pub misfit: f64,
-    /// Largest deviation of one statistic, in standard deviations.
+    /// Limit of the largest deviation of one statistic, in standard deviations.
     pub deviation: f64,
-    /// Largest score of a candidate.
+    /// Limit of the largest score of a candidate. A score is the component of the deviation along a signature, in
+    /// standard deviations.
     pub score: f64,
 }
 
-/// Limits and noise floor of clean sensors.
+/// Limits and noise floor for clean sensors.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Clean {
     pub limits: Limits,
-    /// Median and standard deviation of the total misfit.
+    /// Median (the noise floor) and standard deviation of the total misfit of clean sensors.
     pub floor: f64,
     pub floor_sd: f64,
     /// Standard deviation of the score of each signature; empty if all are 1.
@@ -112,11 +114,12 @@ fn score_sds(all: &[Strays]) -> Vec<f64> {
 
 /// Deviations of one sensor from the model.
 pub(crate) struct Strays {
-    /// Total misfit.
+    /// Total misfit: the squared distance of all statistics from the model, without the directions that calibration
+    /// fits.
     pub misfit: f64,
-    /// Largest deviation of a statistic, in standard deviations.
+    /// Largest deviation of one statistic, in standard deviations.
     pub deviation: f64,
-    /// The score of each signature.
+    /// The score of each signature: the component of the deviation along the signature, in standard deviations.
     pub scores: Vec<f64>,
 }
 

@@ -16,9 +16,9 @@ use spikelane::unstable::threads;
 
 /// A simulated sensor without missing effects. Its parameters and lamps may differ from those of the base model.
 pub(crate) struct CleanSensor {
-    /// Positions of the base parameters.
+    /// Positions of the base parameters of this sensor.
     pub base: DVector<f64>,
-    /// Deviations of the lamps.
+    /// Relative deviations of the lamps of this sensor.
     pub lamps: DVector<f64>,
     pub vector: DVector<f64>,
 }

@@ -70,7 +70,7 @@ fn in_row_band(camera: Camera, first_row: usize) -> Camera {
     }
 }
 
-/// The initial model of a search.
+/// The initial model of a search: its camera, the origin of its parameters, and notes for the report.
 pub(crate) struct BaseModel {
     pub camera: Camera,
     pub numbers: Vec<BaseParameter>,

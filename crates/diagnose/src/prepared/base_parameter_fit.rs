@@ -22,7 +22,7 @@ use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// The lamps of the lit recordings.
+/// The lamps of the lit recordings as parameters of the fit.
 struct Lamps {
     /// Change of each statistic per unit of the deviation of each lamp.
     slopes: DMatrix<f64>,

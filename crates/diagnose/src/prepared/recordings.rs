@@ -12,7 +12,7 @@ use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane_calibrate::RecordingSet;
 
-/// A measured set.
+/// A recording set, its protocol and its measured statistics.
 pub(crate) struct PreparedSet {
     pub set: RecordingSet,
     pub setup: Setup,

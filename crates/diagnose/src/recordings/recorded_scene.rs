@@ -31,7 +31,8 @@ pub struct RecordedScene {
     pub light_uncertainty: f64,
     /// Sources of the light.
     pub(crate) sources: Sources,
-    /// Relative deviation of the found light from the stated light. Sensors are simulated at the found light.
+    /// Relative deviation of the found light from the stated light. The found light is the light at which simulated
+    /// sensors have the measured rates.
     pub light_offset: f64,
 }
 

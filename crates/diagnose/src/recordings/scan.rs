@@ -71,7 +71,7 @@ pub(crate) struct Scan {
     pub pixels: Vec<PixelScan>,
     /// Number of spikes of each readout.
     pub totals: Vec<u32>,
-    /// Number of bits that changed since the previous readout.
+    /// Number of bits that differ between each readout and the next one.
     pub changes: Vec<u32>,
     /// Mean correlation between the spike counts of the halves of a row.
     pub row_halves: f64,
@@ -83,7 +83,7 @@ pub(crate) struct Scan {
     pub deviations: Deviations,
     /// The stretches between the steps of a square wave. It is empty for other light.
     pub stretches: Vec<Stretch>,
-    /// Relative difference between neighboring pixels. It is set for static scenes only.
+    /// Relative difference between neighboring pixels. It is measured for static scenes only.
     pub contrast: f64,
 }
 

@@ -35,7 +35,7 @@ pub struct Setup {
     pub readout_hz: f64,
     /// The recordings.
     pub recordings: Vec<RecordedScene>,
-    /// Whether rate maps replace the recordings.
+    /// Whether the set contains measured rate maps instead of recordings.
     pub has_rate_maps: bool,
     /// First row and number of rows that are used. It is set if a static scene has more than 20,000 pixels.
     pub row_band: Option<(usize, usize)>,
@@ -132,7 +132,7 @@ impl Setup {
         }
     }
 
-    /// Removes recordings.
+    /// Returns the setup without the recordings with the indices `dropped`.
     pub(crate) fn without(mut self, dropped: &[usize]) -> Self {
         let mut k = 0;
         self.recordings.retain(|_| {
@@ -235,7 +235,7 @@ pub(crate) fn check_sufficient(setup: &Setup, with_camera: bool) -> Result<()> {
 /// Checks that two sets follow the same protocol.
 ///
 /// # Errors
-/// If they do not. The error names the first difference.
+/// If the protocols differ. The error names the first difference.
 pub(crate) fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
     let names = |x: &RecordedScene| x.sources.sources.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
     let key =

@@ -5,7 +5,7 @@
 //! used, one lost readout would change all later statistics.
 
 use crate::thresholds::{MIN_AGREEING_READOUTS, MIN_STEP_SDS, MIN_STRETCH_READOUTS};
-/// The readouts between two steps.
+/// The readouts between two successive steps of a square wave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Stretch {
     /// Whether the stretch follows a rise.

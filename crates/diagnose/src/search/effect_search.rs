@@ -106,7 +106,7 @@ pub(super) struct Evidence {
     pub after: f64,
     /// Squared distance between the held-out set and the base model.
     pub whole: f64,
-    /// Number of other effects and parameters of the model.
+    /// Number of the other added effects and free parameters of the model.
     pub others: usize,
 }
 

@@ -139,7 +139,7 @@ struct Held {
     /// Distances of the free parameters from their fitted positions, and their standard deviations.
     positions: DVector<f64>,
     deviations: Vec<f64>,
-    /// Remaining squared distance.
+    /// Squared distance that remains after the fit.
     distance: f64,
 }
 
@@ -197,7 +197,7 @@ mod tests {
         let mut numbers: Vec<usize> = found.iter().map(|c| c.number).collect();
         numbers.sort_unstable();
         assert_eq!(numbers, [0, 2]);
-        // Three deviations of the sum.
+        // The sum deviates by three standard deviations.
         assert_eq!(fewest(&precision(), &[0.02, 0.01, 0.03], &[0.0, 0.0, 0.0]), []);
     }
 }

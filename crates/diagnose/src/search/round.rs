@@ -7,7 +7,7 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EliminationReason {
-    /// The effect is part of the model.
+    /// The effect is part of the final model.
     Retained,
     /// The model with the effect did not agree better with recordings that were not fitted.
     RejectedByHoldout,
@@ -24,7 +24,7 @@ pub(crate) struct Entrant {
     pub tied: bool,
     /// Distance between its fitted model and that of the winner, in standard deviations of one set.
     pub apart: f64,
-    /// Fitted mean.
+    /// Mean of the fitted model with the candidate.
     pub mean: DVector<f64>,
 }
 
@@ -76,7 +76,7 @@ pub(crate) struct Round {
     pub share: f64,
     /// Mean of the fitted model with the winner.
     pub mean: DVector<f64>,
-    /// Whether the winner is weaker than the smallest detectable strength.
+    /// Whether the winner is weaker than the smallest strength at which the set can detect it.
     pub faint: bool,
     /// Description of the evidence for the winner; empty if it was rejected.
     pub evidence: String,
@@ -108,7 +108,7 @@ pub(crate) fn kept_mut<'a>(rounds: &'a mut [Round], name: &str) -> Option<&'a mu
     rounds.iter_mut().find(|r| r.is_kept() && r.winner == name)
 }
 
-/// Returns up to two effects that are tied with the winner.
+/// Returns up to two effects that are as likely as the winner within the noise.
 pub(crate) fn tied(round: &Round) -> Vec<&Entrant> {
     round.entrants.iter().filter(|e| e.tied && e.name != round.winner).take(2).collect()
 }
@@ -120,7 +120,7 @@ pub(crate) enum Undecided {
     Agreement(Vec<&'static str>),
     /// Which further effects are missing in the final model. The remaining deviations resemble the listed effects.
     FurtherEffects(Vec<&'static str>),
-    /// Whether each named effect is necessary beside the others.
+    /// Whether each added effect is necessary in a model with the others.
     NecessityOfEffects,
     /// The values of the base parameters in the model with effects.
     BaseNumbers,

@@ -42,7 +42,7 @@ pub(crate) struct TestedFit {
 }
 
 impl TestedFit {
-    /// Returns the deviance of the held-out set.
+    /// Returns the deviance of the held-out set under this model: twice the negative logarithm of its likelihood.
     pub(crate) fn deviance(&self) -> f64 {
         self.fit.deviance_of(&self.off)
     }

@@ -26,7 +26,7 @@ use spikelane::unstable::threads;
 pub struct EffectLimit {
     /// Canonical name of the effect.
     pub name: &'static str,
-    /// Key of its strength.
+    /// Key of the parameter that is the strength of the effect.
     pub parameter: &'static str,
     /// Upper limit of the strength with 95 % confidence. It is the difference from the value of the model, in the
     /// unit of the parameter. It is the largest of the limits for the tried shapes of the effect, such as time

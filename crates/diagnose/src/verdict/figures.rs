@@ -17,7 +17,7 @@ use spikelane::unstable::threads;
 use spikelane_calibrate::RecordingSet;
 use spikelane_measure::report::{PageElement, Plot, PlotPoint, heat_map};
 
-/// Number of bins of interval lengths.
+/// Number of bins in which interval lengths are counted.
 const INTERVAL_BINS: usize = 40;
 
 /// Length at the upper end of the last bin, in mean intervals of the pixel.
