@@ -73,8 +73,8 @@ pub struct DiagnoseOptions<'a> {
 /// divided in the middle, and the effects of the first half are tested on the second half.
 ///
 /// # Errors
-/// If a recording cannot be read or is too short, or the sets follow different protocols. If a set states its light
-/// in another unit than a share of saturation. If the cache folder cannot be created or written to.
+/// If a recording cannot be read or is too short, or the sets follow different protocols. If the stated light of a
+/// set is not relative to saturation. If the cache folder cannot be created or written to.
 pub fn diagnose(
     set: &RecordingSet,
     holdout: Option<&RecordingSet>,

@@ -15,7 +15,8 @@ pub(crate) const MAX_PHASE_RATE: f64 = 0.25;
 pub(crate) const MIN_PHASE_PIXELS: usize = 100;
 
 /// Length of the mean phase vector above which the pixels began together. The vector is the mean of one unit vector
-/// per pixel, at the start phase of the pixel.
+/// per pixel. Its angle is the start phase: the charge of the pixel at the first readout, with one turn per
+/// threshold.
 ///
 /// Derived: if the start charges are uniform over three quarters of a threshold, the length is 0.3. If they are
 /// uniform over a whole threshold, the length is at most 0.06, the square of [`MAX_PHASE_RATE`], plus 0.02 by
@@ -39,16 +40,17 @@ pub(crate) const MAX_DRIFT_PIXELS: usize = 20_000;
 /// pixels drift apart. A choice.
 pub(crate) const SQUARE_WAVE_ASIDE: usize = 64;
 
-/// Largest light of the levels that are searched for negative dark currents. A line is fitted to the rates of each
-/// pixel at these levels. The response to brighter light is not linear.
+/// Largest light of the levels from which negative dark currents are detected. A line is fitted to the rates of
+/// each pixel at these levels. The response to brighter light is not linear.
 pub(crate) const MAX_DIM_LIGHT: f64 = 0.35;
 
-/// Charge deficit from which two pixels show that the camera keeps negative dark currents. Both pixels have no
-/// spike in the dark recording. The unit is the standard deviation of [`FAINT_PIXELS`]. A choice.
+/// Smallest charge deficit of two pixels that shows that the camera keeps negative dark currents. Both pixels have
+/// no spike in the dark recording. The deficit is the dark rate that is extrapolated from dim light, subtracted
+/// from the measured dark rate. The unit is the standard deviation of [`FAINT_PIXELS`]. A choice.
 pub(crate) const MIN_CHARGE_DEFICIT_SDS: f64 = 5.0;
 
-/// Charge deficit from which a single pixel without a dark spike shows that the camera keeps negative dark
-/// currents. The unit is the standard deviation of [`FAINT_PIXELS`]. A choice.
+/// Smallest charge deficit of a single pixel that shows that the camera keeps negative dark currents; see
+/// [`MIN_CHARGE_DEFICIT_SDS`]. The unit is the standard deviation of [`FAINT_PIXELS`]. A choice.
 pub(crate) const MIN_SINGLE_DEFICIT_SDS: f64 = 12.0;
 
 /// Number of pixels that determine the standard deviation of a charge deficit. They are the pixels with the lowest
@@ -60,12 +62,12 @@ pub(crate) const FAINT_PIXELS: usize = 200;
 /// standard deviations.
 pub(crate) const MIN_TAIL_SKEW: f64 = 0.15;
 
-/// Relative standard error from which on a calibrated parameter is not used. The published value replaces it. A
-/// choice.
+/// Limit of the relative standard error of a calibrated parameter. If the error is larger, the published value is
+/// used instead. A choice.
 pub(crate) const MAX_CALIBRATION_ERROR: f64 = 0.25;
 
-/// Largest factor between a calibrated and a published parameter. If the factor is larger, a missing effect has
-/// changed the calibrated value.
+/// Largest factor between a calibrated and a published parameter. If the factor is larger, the published value is
+/// used, because a missing effect has changed the calibrated value.
 pub(crate) const MAX_CALIBRATION_FACTOR: f64 = 30.0;
 
 // Light of the recordings
@@ -92,16 +94,16 @@ pub(crate) const MAX_FOUND_PULL: f64 = 3.5;
 /// source. A found light at a smaller limit would contradict the sums of the sources.
 pub(crate) const MAX_FOUND_SOURCE_PULL: f64 = 6.0;
 
-/// Relative change of the light between two steps from which on the rates of both steps determine the slope of the
-/// rate. A choice.
+/// Relative change of the light between two steps of the search for the light. If the change is larger, the rates
+/// of both steps determine the slope of the rate as a function of the light. A choice.
 pub(crate) const MIN_SECANT_STEP: f64 = 2e-3;
 
 /// Relative change of the found light above which sensors are simulated again. A choice.
 pub(crate) const MAX_UNCHANGED_LIGHT: f64 = 1e-3;
 
-/// Change of the relative offset of a lamp from which on a model is simulated at the new offset. For a smaller
-/// change, the derivative by the lamp is used. The derivative holds there, because its step [`LAMP_STEP`] is
-/// larger.
+/// Largest change of the relative offset of a lamp for which the derivative by the lamp is used. The derivative
+/// holds there, because its step [`LAMP_STEP`] is larger. For a larger change, the model is simulated at the new
+/// offset.
 pub(crate) const MAX_LINEAR_OFFSET: f64 = 2e-3;
 
 /// Largest deviation of a lamp from the stated light in a fit, in uncertainties of the lamp. A choice.
@@ -189,8 +191,8 @@ pub(crate) const BASE_FIT_LAMP_STEPS: usize = 4;
 
 // Null model
 
-/// Number of pixels from which on a sensor is large, and number of simulations for each derivative of a large
-/// sensor. A large sensor needs few simulations, because its many pixels average the noise of each simulation.
+/// Smallest number of pixels of a large sensor, and number of simulations for each derivative of a large sensor. A
+/// large sensor needs few simulations, because its many pixels average the noise of each simulation.
 pub(crate) const MANY_PIXELS: (usize, usize) = (20_000, 8);
 
 /// Number of pixels of a usual sensor, and number of simulations for each of its derivatives. For a smaller sensor,
@@ -225,20 +227,20 @@ pub(crate) const SCORE_SD_PRIOR: f64 = 10.0;
 /// than the fitted set. A choice.
 pub(crate) const HELD_OUT_SIMULATIONS: usize = 24;
 
-/// Number of such simulations ([`HELD_OUT_SIMULATIONS`]) with the null model of the first simulations. If the set
-/// agrees with the first simulations, no verdict depends on them.
+/// Number of the simulations of [`HELD_OUT_SIMULATIONS`] while the null model has only its first simulations. If
+/// the set agrees with the first simulations, no verdict depends on them.
 pub(crate) const FIRST_HELD_OUT_SIMULATIONS: usize = 8;
 
-/// Squared length of a signature, in standard deviations squared, below which the noise of the signature hides it.
-/// Derived: the square of five standard deviations.
+/// Squared length of a signature, in standard deviations squared, below which its noise hides the signature. A
+/// signature is the change of the statistics by an effect. Derived: the square of five standard deviations.
 pub(crate) const MIN_SIGNATURE_SQUARE: f64 = 25.0;
 
-/// Deviation of a statistic, and score of an effect, from which on the preliminary result reports a deviation. The
-/// unit is one standard deviation.
+/// Limit for the deviation of a statistic and for the score of an effect, in standard deviations. If one of them is
+/// larger, the preliminary result reports a deviation.
 ///
 /// Derived: 24 sensors determine the noise, so a deviation follows Student's distribution with 23 degrees of
-/// freedom. One statistic of a clean sensor exceeds the limit in one of 2.6 million sets, and any of 250 statistics
-/// in one of ten thousand.
+/// freedom. One statistic of a clean sensor exceeds the limit in one of 2.6 million sets, and at least one of 250
+/// statistics in one of ten thousand.
 pub(crate) const MAX_PRELIMINARY_Z: f64 = 7.0;
 
 /// Smallest squared score of an effect that the preliminary result lists, relative to the largest squared score. A
@@ -266,19 +268,19 @@ pub(crate) const MIN_EXPECTED_EVENTS: f64 = 5.0;
 
 // Fits
 
-/// Smallest squared width of the range of a parameter, in positions. It keeps the prior information about a
-/// parameter that cannot move finite.
+/// Smallest squared width of the range of a parameter, in positions of its knob. The prior information about a
+/// parameter is inversely proportional to this square. The limit keeps it finite for a parameter that cannot move.
 pub(crate) const FIXED_RANGE_SQUARE: f64 = 1e-12;
 
-/// Change of a statistic by an effect from which on the effect changes the statistic. The unit is the standard
-/// deviation of the change if its simulations have independent draws, the largest possible one. A choice.
+/// Smallest change of a statistic by an effect that counts as a change. The unit is the standard deviation of a
+/// change between simulations with independent draws. Common draws reduce this standard deviation. A choice.
 pub(crate) const MIN_EFFECT_CHANGE_SDS: f64 = 2.0;
 
 /// Smallest number of simulations from which the diagnosis decides whether an effect changes a statistic. A choice.
 pub(crate) const MIN_CHANGE_SIMULATIONS: usize = 6;
 
-/// Number of statistics from which on the sum of their noise can be longer than a detectable change. Static scenes
-/// and maps have fewer statistics.
+/// Smallest number of statistics for which the sum of their noise can be longer than a detectable change. Static
+/// scenes and maps have fewer statistics.
 pub(crate) const MIN_CROWDED_STATISTICS: usize = 100;
 
 /// Largest move of a parameter after which its derivative is still used, as a share of the step of the derivative.
@@ -303,8 +305,8 @@ pub(crate) const INTERVAL_QUANTILE: f64 = 2.04;
 /// deviation.
 pub(crate) const MIN_VARIANCE_SHARE: f64 = 0.3;
 
-/// Smallest expected decrease of the merit at which a step is simulated: an absolute part, plus a part relative to
-/// the merit. A choice.
+/// Smallest expected decrease of the merit at which a step of a fit is simulated: an absolute part, plus a part
+/// relative to the merit. The merit is the squared distance from the data plus the cost of the light. A choice.
 pub(crate) const MIN_STEP_GAIN: (f64, f64) = (0.5, 0.003);
 
 /// Change of a base parameter above which a step is always simulated. The unit is the value of the parameter. The
@@ -374,7 +376,7 @@ pub(crate) const STEPS_OF_FIRST_EFFECT: [usize; 2] = [4, 3];
 /// move. Measured: with half as many steps, right effects lost to similar ones.
 pub(crate) const STEPS_OF_FURTHER_EFFECT: [usize; 2] = [7, 5];
 
-/// Upper limit of the cost that the noise of a mean of few simulations adds. A choice.
+/// Assumed upper limit of the cost that the noise of a mean of few simulations adds. A choice.
 pub(crate) const MAX_SIMULATION_COST: f64 = 40.0;
 
 /// Smallest promise of a candidate that takes part in a tournament, relative to the largest promise. The promise is
@@ -388,8 +390,8 @@ pub(crate) const MIN_PROMISE_SHARE: f64 = 0.35;
 /// ([`MIN_PROMISE_SHARE`]). The noise of one simulation can hide half of the promise of a weak signature.
 pub(crate) const MIN_SECOND_DRAW_SHARE: f64 = 0.1;
 
-/// Smallest promise of the best candidate at which a tournament takes place. Derived: the square of 4.5 standard
-/// deviations.
+/// Smallest promise ([`MIN_PROMISE_SHARE`]) of the best candidate at which a tournament takes place. Derived: the
+/// square of 4.5 standard deviations.
 pub(crate) const MIN_PROMISE: f64 = 20.0;
 
 /// Standard deviation of the difference of two scores above which the best candidates are simulated again. Derived:
@@ -424,15 +426,15 @@ pub(crate) const COMPLETE_REMAINDER: f64 = 0.1;
 
 // Backward elimination
 
-/// Share of the squared distance from the base model that a further effect must explain, and that the removal of an
-/// effect may leave. The signature of a strong effect is approximate.
+/// Share of the squared distance from the base model. A further effect must explain more than this share, and the
+/// removal of an effect must cost more. The reason is that the signature of a strong effect is approximate.
 ///
 /// Measured: the error of such a signature leaves about this share. With a share three times as large,
 /// `supply_droop` beside a strong `row_noise` was not named.
 pub(crate) const REMAINDER_SHARE: f64 = 0.0003;
 
-/// Variance inflation of an amplitude from which on other parameters may replace the effect. Derived: the inflation
-/// `1 / (1 - c^2)` is 5 at the cosine c = 0.9.
+/// Variance inflation of the amplitude of an effect above which other parameters may replace the effect. Derived:
+/// the inflation `1 / (1 - c^2)` is 5 at the cosine c = 0.9.
 pub(crate) const MAX_VARIANCE_INFLATION: f64 = 5.0;
 
 /// Smallest increase of the cost without an effect that shows that the effect is necessary. The part for
@@ -457,7 +459,7 @@ pub(crate) const NOISY_SIMULATIONS: [usize; 2] = [MOST_SIMULATIONS / 2, MOST_SIM
 /// further. A choice.
 pub(crate) const ENTRY_STEPS: usize = 2;
 
-/// Largest number of replacements in one search. A choice.
+/// Largest number of accepted effects that are replaced by other effects in one search. A choice.
 pub(crate) const MAX_SWAPS: usize = 4;
 
 // Final steps of the base parameters
@@ -479,8 +481,9 @@ pub(crate) const MAX_FINAL_BASE_STEP: f64 = 0.3;
 
 // Parameter mismatches
 
-/// Decrease of the squared distance from which on a parameter of the camera is a mismatch. The distance is the one
-/// between the parameters of the camera and the fitted parameters. Derived: the square of 3.5 standard deviations.
+/// Smallest gain by which a parameter of the camera becomes a mismatch. The gain is the decrease of the squared
+/// distance between the parameters of the camera and the fitted parameters when this parameter is free. Derived:
+/// the square of 3.5 standard deviations.
 pub(crate) const MIN_MISMATCH_GAIN: f64 = 12.0;
 
 /// Difference of squared distances below which two parameters explain the data equally well. Derived: the square of
@@ -490,8 +493,8 @@ pub(crate) const MAX_AMBIGUOUS_DISTANCE: f64 = 4.0;
 // Verdict and tentative names
 
 /// Smallest share of the initial excess that the model must explain if a significant discrepancy remains. If the
-/// share is smaller, all names are tentative. Measured: true effects left at most a few percent of the excess, and
-/// wrong effects left 20 %.
+/// share is smaller, all names are tentative. The excess is the discrepancy above the noise floor. Measured: true
+/// effects left at most a few percent of the excess, and wrong effects left 20 %.
 pub(crate) const MIN_EXPLAINED_SHARE: f64 = 0.95;
 
 /// Remaining discrepancy, divided by the noise floor, above which the model does not describe the data. The limit
@@ -504,7 +507,8 @@ pub(crate) const MAX_FLOORS: f64 = 10.0;
 /// both.
 pub(crate) const INCOMPLETE_MAX_FLOORS: f64 = 3.0;
 
-/// Share of the initial excess from which on [`INCOMPLETE_MAX_FLOORS`] does not apply to a model.
+/// Share of the initial excess above which a model may exceed [`INCOMPLETE_MAX_FLOORS`]. The excess is the
+/// discrepancy above the noise floor.
 pub(crate) const COMPLETE_SHARE: f64 = 0.99;
 
 /// Relative change of a base parameter by added effects above which its linear derivative is not valid. Measured:
@@ -565,14 +569,15 @@ pub(crate) const COMPARED_RATES: std::ops::Range<f64> = 0.05..0.45;
 /// Smallest number of readouts of a recording, or of each half of a divided recording. A choice.
 pub(crate) const MIN_READOUTS: usize = 256;
 
-/// Largest number of simulated pixels of a static scene. Derived: 20,000 pixels determine the temporal noise to 1
-/// %.
+/// Largest number of simulated pixels of a static scene. Derived: 20,000 pixels determine the temporal noise to
+/// 1 %.
 pub(crate) const MAX_STATIC_PIXELS: usize = 20_000;
 
 // Steps of a square wave
 
-/// Number of readouts after a step from which on the response is the steady reference. It is twice 150 readouts,
-/// the largest time constant with which image lag is tried. It is also the end of the last window after a step.
+/// Number of readouts after a step of the light. The later readouts are the steady reference of the response. It is
+/// twice 150 readouts, the largest time constant with which image lag is tried. It is also the end of the last
+/// window after a step.
 pub(crate) const STEADY_READOUTS: usize = 300;
 
 /// Number of readouts that are excluded after a fall of the light. The first interval after a fall contains charge
@@ -591,8 +596,8 @@ pub(crate) const MIN_STEP_SDS: f64 = 6.0;
 
 // Statistics
 
-/// Smallest number of half periods across the map of a wave that belongs to the spectrum of the map. Longer waves
-/// come from uneven light.
+/// Smallest number of half periods that a wave must have across the map to belong to the spectrum of the map.
+/// Longer waves come from uneven light.
 pub(crate) const MIN_WAVE_HALF_PERIODS: usize = 4;
 
 /// Number of robust standard deviations from the median beyond which a pixel is an outlier. A choice.
@@ -626,8 +631,8 @@ pub(crate) const MIN_PERIODS: f64 = 2.0;
 
 // Lost and repeated readouts
 
-/// Number of located events from which on an effect of whole readouts is a candidate, even if its signature
-/// promises little. A choice.
+/// Smallest number of located events that makes an effect of whole readouts a candidate, even if its signature
+/// resembles the deviations only a little. A choice.
 pub(crate) const MIN_CERTAIN_EVENTS: usize = 3;
 
 /// Largest number of events whose locations are listed. A choice.
@@ -644,7 +649,7 @@ pub(crate) const MIN_GAP_INTERVALS: f64 = 1.4;
 /// cause two.
 pub(crate) const MAX_MISSING_RUN: u32 = 2;
 
-/// Smallest number of intervals of a pixel from which its mean interval is computed. A choice.
+/// Smallest number of intervals of a pixel that determine its mean interval. A choice.
 pub(crate) const MIN_INTERVALS: usize = 4;
 
 /// Smallest expected number of spikes in a lost readout at which lost readouts are located. With 30 expected
@@ -751,8 +756,8 @@ pub(crate) const MAX_LINEAR_EXPONENT: f64 = 1.2;
 /// was zero for 7 sensors with `false_spikes`, where two spikes are expected and some sensors have none.
 pub(crate) const MIN_INTERPOLATED_SHARE: f64 = 0.1;
 
-/// Distance between two fitted models, in standard deviations, at which a longer recording distinguishes them. A
-/// choice.
+/// Distance between two fitted models, in standard deviations, at which the recordings distinguish them.
+/// Recommended lengths reach this distance. A choice.
 pub(crate) const DISTINCT_SDS: f64 = 5.0;
 
 /// Largest recommended length of recordings, as a multiple of their present length. A choice.
@@ -765,7 +770,7 @@ pub(crate) const MAX_UNEXPLAINED_STATISTICS: usize = 6;
 pub(crate) const MAX_SHOWN_DEVIATIONS: usize = 24;
 
 /// Deviation, in standard deviations, that marks a large deviation in the report. In a sensor without missing
-/// effects, any statistic exceeds it with a probability of 0.001.
+/// effects, at least one statistic exceeds it with a probability of 0.001.
 pub(crate) const DEVIATION_LIMIT: f64 = 5.0;
 
 /// Number of additional simulated sensors of the final model whose spectra are shown as a range. At one frequency,

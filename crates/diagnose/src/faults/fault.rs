@@ -51,7 +51,7 @@ impl Fault {
         Self { recording: None, kind, description: words, is_excluded: false }
     }
 
-    /// Returns the file name, the description and, if the recording was excluded, a sentence that says so.
+    /// Returns the file name and the description. If the recording was excluded, another sentence states this.
     #[must_use]
     pub fn sentence(&self) -> String {
         let file = self.recording.as_ref().map_or_else(String::new, |file| format!("{file}: "));

@@ -56,9 +56,9 @@ struct Oscillation {
     depth: f64,
 }
 
-/// Returns a fault for the strongest oscillation of the light. The fault belongs to one recording if the set has at
-/// least three bright recordings and no other one oscillates at this frequency, or if the scene is static.
-/// Otherwise it belongs to the whole set.
+/// Returns a fault for the strongest oscillation of the light. If no other of at least three bright recordings
+/// oscillates at this frequency, or if the scene is static, the fault belongs to this recording. Otherwise it
+/// belongs to the whole set.
 pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault)> {
     let bright_recordings: Vec<usize> = (0..scans.len())
         .filter(|k| {

@@ -57,8 +57,8 @@ pub(crate) fn unlocated_event_columns(reference: &NullModel, fit: &Fit) -> Resul
         if scenes.is_empty() {
             continue;
         }
-        // The change is computed from half of the events. Near zero events, twice the square root of the count is
-        // not a linear function of the count.
+        // The change is the difference between all and half of the events. With fewer events, the statistics of
+        // counts would not be linear: each is twice the square root of a count.
         let mut fewer = fit.u.clone();
         fewer[j] *= 0.5;
         let fewer = reference.mean_of(&fit.model, &fewer, EVENT_PAIRS.min(fit.each.len()), Vec::new())?;

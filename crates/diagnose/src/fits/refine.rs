@@ -32,8 +32,8 @@ impl Fitter<'_> {
     /// of the effects alone, and 0.4 of the whole step.
     ///
     /// If an effect has an onset, it tries the step of the effects alone first. With fixed base parameters, the
-    /// draws stay similar to those of the base model, so the noise of the mean is small. If the base parameters
-    /// move, the added noise is larger than the gain of a small move.
+    /// simulations stay similar to those of the base model with the same draws. The noise of the mean is then
+    /// small. If the base parameters move a little, the noise increases by more than this move gains.
     fn line_search(&self, fit: &Fit, merit: f64, count: usize) -> Result<Option<(Fit, f64)>> {
         let off = &self.data - &fit.mean;
         let here = Merit::of(self, fit)?;

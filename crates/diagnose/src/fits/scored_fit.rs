@@ -112,8 +112,8 @@ mod tests {
         // The expected value is ten times 0.01 / 6 plus ten times 1 / 6, which is 1.683. The sum of ten squares has
         // a standard deviation of sqrt(20 / 36), which is 0.043 for the mean of 300 sets. Each estimated variance
         // has five degrees of freedom, and their sum has a standard deviation of 0.019 for 300 sets. If a control
-        // variate neither helped nor hurt, it would be used where it helps by chance. The estimate would then be 5
-        // % too small.
+        // variate neither helped nor hurt, it would be used where it helps by chance. The estimate would then be
+        // 5 % too small.
         assert!((found - 1.683).abs() < 3.5 * 0.043, "{found}");
         assert!((said - 1.683).abs() < 3.5 * 0.019, "{said}");
     }

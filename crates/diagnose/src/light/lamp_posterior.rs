@@ -18,11 +18,12 @@ impl LampPosterior {
     /// parameters as directions. `off` is the difference between the data and the mean of the model. `moved` is the
     /// last step of the fitted parameters. `slopes` contains the derivatives by the lamps.
     ///
-    /// `C` is the noise at known light, `L` contains the derivatives by the lamps, `U` is the diagonal prior
-    /// covariance of the lamps, and `D` contains the directions. `K` is the prior information about the parameters.
-    /// With the marginal covariance `M = C + L U L^T`, the covariance of the parameters is `S = (D^T M^-1 D +
-    /// K)^-1`. The lamps have the mean `U L^T M^-1 (off - D moved)` and the covariance `U - U G U + U H^T S H U`,
-    /// where `G = L^T M^-1 L` and `H = D^T M^-1 L`. The covariance of the parameters and the lamps is `-S H U`.
+    /// `C` is the covariance of the noise at known light. `L` contains the derivatives by the lamps, and `U` is the
+    /// diagonal prior covariance of the lamps. `D` contains the directions. `K` is the prior information about the
+    /// parameters. With the marginal covariance `M = C + L U L^T`, the covariance of the parameters is `S = (D^T
+    /// M^-1 D + K)^-1`. The lamps have the mean `U L^T M^-1 (off - D moved)` and the covariance `U - U G U + U H^T
+    /// S H U`. Here, `G = L^T M^-1 L` and `H = D^T M^-1 L`. The covariance of the parameters and the lamps is `-S H
+    /// U`.
     pub(crate) fn new(
         metric: &Metric,
         slopes: &DMatrix<f64>,

@@ -10,7 +10,7 @@ use nalgebra::DVector;
 use spikelane::effects::{Definition, EventKind};
 use spikelane::error::Result;
 
-/// Efficient score, in standard deviations, from which on an effect counts as detectable.
+/// Smallest efficient score, in standard deviations, at which an effect counts as detectable.
 pub const DETECTION_SCORE: f64 = 5.0;
 
 /// The smallest strength at which an effect can be distinguished from a change of the calibrated parameters and

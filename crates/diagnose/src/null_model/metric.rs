@@ -97,7 +97,7 @@ pub(crate) struct Bound {
     pub weight: f64,
 }
 
-/// A noise, with directions along which a vector is free: a component along them has no length.
+/// A noise with free directions. The component of a deviation along a free direction has no length.
 #[derive(Clone, Debug)]
 pub(crate) struct Metric {
     pub(crate) noise: Noise,

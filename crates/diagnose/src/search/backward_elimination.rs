@@ -216,7 +216,7 @@ fn draws_of_elimination(fit: &Fit) -> [usize; 2] {
 
 /// Returns the metric of a fit without one of its effects. In the metric of the fit itself, a change along the
 /// effect has no length. An effect that could replace it would then promise no gain. Measured: `crosstalk` in the
-/// place of `spike_coupling` beside `image_lag` promised 12 of 50,000.
+/// place of `spike_coupling` beside `image_lag` promised to explain only 12 of 50,000.
 fn without_effect(metric: &Metric, fit: &Fit, effect: usize) -> Metric {
     without_directions(metric, fit.knobs_of(effect), fit.known())
 }

@@ -118,9 +118,10 @@ impl Evidence {
         self.before - self.after - MIN_HELD_OUT_GAIN - share
     }
 
-    /// Returns whether the decrease is larger than an error of the other effects could cause. `left` states whether
-    /// the fitted set still exceeds a limit with the effect. If it does not, the held-out set may still exceed a
-    /// limit.
+    /// Returns whether the evidence is sufficient. The decrease must be too large for an error of the other
+    /// effects, or little may remain with the effect. `left` states whether the fitted set still exceeds a limit
+    /// with the effect. The held-out set does not count for this, because it may exceed a limit although the effect
+    /// is right.
     ///
     /// Measured: `supply_droop` beside `adaptation` reduced the held-out deviance from 5,741 to 1,152. No limit was
     /// exceeded in the fitted set, but one statistic of the held-out set deviated by 6.5 standard deviations.

@@ -20,8 +20,8 @@ const PARABOLA_PARAMETERS: usize = 3;
 pub(crate) struct Lines {
     pub gain: Vec<f64>,
     pub dark: Vec<f64>,
-    /// Deviations of the rates from the lines. Each element has the index of a recording, and the deviation of each
-    /// pixel divided by the light of the recording, or by 0.01 if the light is lower.
+    /// Deviations of the rates from the lines. Each element has the index of a recording, and one deviation per
+    /// pixel. A deviation is divided by the light of the recording, or by 0.01 if the light is lower.
     pub residuals: Vec<(usize, Vec<f64>)>,
 }
 

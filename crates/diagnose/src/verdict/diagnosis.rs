@@ -55,8 +55,8 @@ pub struct FoundEffect {
     pub parameters: Vec<Parameter>,
     /// Effects that explain the recordings equally well within the noise.
     pub ambiguous_with: Vec<&'static str>,
-    /// Whether the name is tentative. The usual reasons are: a significant discrepancy remains and the effect
-    /// explains less than half of the initial one, or the model has other effects and this one is weaker than the
+    /// Whether the name is tentative. The usual reasons are two. A significant discrepancy remains, and the effect
+    /// explains less than half of the initial one. Or the model has other effects, and this one is weaker than the
     /// set can detect.
     pub is_tentative: bool,
     /// Description of the evidence for the effect.
@@ -82,9 +82,9 @@ pub struct ParameterMismatch {
     /// Effects that explain the recordings equally well within the noise. For a tentative mismatch, also effects
     /// that explain at least half of the change of the statistics by the mismatch.
     pub ambiguous_with: Vec<&'static str>,
-    /// Whether the mismatch is tentative. In this case, the held-out recordings do not confirm it, or a significant
-    /// discrepancy remains and the mismatch explains only a part of it. An effect that is not in the catalog may
-    /// have changed the fitted value.
+    /// Whether the mismatch is tentative. It is tentative if the held-out recordings do not confirm it. It is also
+    /// tentative if a significant discrepancy remains and the mismatch explains only a part of the initial one. An
+    /// effect that is not in the catalog may have changed the fitted value.
     pub is_tentative: bool,
 }
 
