@@ -1,4 +1,4 @@
-//! How strong effects must be before a set can name them.
+//! Estimates how strong an effect must be before a recording set can name it.
 
 use std::time::Instant;
 
@@ -20,8 +20,8 @@ use spikelane_calibrate::{ProgressCallback, RecordingSet};
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct DetectabilityReport {
-    /// Smallest detectable strength of each effect, with a second set of the same scenes held out. If each recording
-    /// is cut in two instead, the strength is 1.4 times as large.
+    /// Smallest detectable strength of each effect if a second set of the same scenes is held out. If each
+    /// recording is cut into two halves instead, the strength is 1.4 times as large.
     pub detectabilities: Vec<Detectability>,
     /// Effects that the set cannot show at any strength.
     pub undetectable: Vec<&'static str>,
@@ -31,13 +31,13 @@ pub struct DetectabilityReport {
     pub notes: Vec<String>,
 }
 
-/// Returns the smallest detectable strengths of effects in `set`. The simulated sensors follow the data, or the
-/// camera of `options`.
+/// Returns the smallest detectable strength of each effect in `set`. The simulated sensors have the camera of
+/// `options`, or parameters that are calibrated from the recordings.
 ///
 /// # Errors
-/// If a recording cannot be read or is too short, or the cache folder cannot be created or written to.
-/// [`ErrorKind::Interrupted`](spikelane::ErrorKind::Interrupted) if the time limit is reached, because a part of the strengths would be
-/// missing.
+/// If a recording cannot be read or is too short, or the cache folder cannot be created or written to. If the time
+/// limit is reached, the error is [`ErrorKind::Interrupted`](spikelane::ErrorKind::Interrupted), because some of
+/// the strengths would be missing.
 pub fn detectability(
     set: &RecordingSet,
     options: DiagnoseOptions<'_>,

@@ -2,11 +2,13 @@
 //!
 //! [`diagnose`] reduces a recording set to one vector of statistics ([`DiagnosticStatistic`]). It simulates many
 //! sensors of the calibrated model under the same protocol ([`NullModel`]). If the set deviates significantly from
-//! these, it tries every effect of the catalog: first by simulated signatures, then by fits in a tournament. An
-//! effect is kept only if the model also approaches recordings that were not fitted.
+//! these sensors, it tries every effect of the catalog. It first compares the simulated change by each effect, the
+//! signature, with the deviation. It then fits the most similar effects and compares the fits in a tournament. An
+//! effect is kept only if the model with the effect also agrees better with recordings that were not fitted.
 //!
-//! Maps are not fitted pixel by pixel. The diagnosis compares statistics of simulated *populations*, so that no map
-//! can absorb a spatial effect. One simulation serves both temporal and spatial statistics.
+//! The maps of a camera are not fitted pixel by pixel, because a fitted map could absorb a spatial effect. Instead,
+//! the diagnosis compares statistics of simulated *populations* of pixels. One simulation provides both the
+//! temporal and the spatial statistics.
 
 /// Recordings: their protocol, and scans of their bits.
 mod recordings {
@@ -29,10 +31,10 @@ mod statistics {
     pub(crate) mod vector;
 }
 
-/// Faults of lamps, scenes and files, which a diagnosis reports before it searches effects of the camera.
+/// Faults of lamps, scenes and files. A diagnosis reports them before it searches effects of the camera.
 ///
-/// A fault changes single recordings or the light alone. An effect of the camera changes all recordings, and its change
-/// is a smooth function of the light.
+/// A fault changes single recordings, or only their light. An effect of the camera changes all recordings, and its
+/// change is a smooth function of the light.
 mod faults {
     pub(crate) mod fault;
     pub(crate) mod fault_scan;
@@ -48,7 +50,7 @@ mod events {
     mod repeated_readouts;
 }
 
-/// Light: lamps and sources, whose light deviates from the stated light.
+/// Light: lamps and sources whose light deviates from the stated light.
 mod light {
     pub(crate) mod found_light;
     pub(crate) mod lamp;
@@ -56,7 +58,7 @@ mod light {
     pub(crate) mod offsets;
 }
 
-/// Simulated sensors: models with adjustable parameters, candidates of a search, the simulator and its caches.
+/// Simulated sensors: models with adjustable parameters, candidates of a search, the simulator, and its caches.
 mod sensors {
     pub(crate) mod cache;
     mod cache_key;
@@ -67,7 +69,7 @@ mod sensors {
     pub(crate) mod simulate;
 }
 
-/// Recordings and base model before the comparison: usable recordings, found light, parameters of the base model.
+/// Preparation before the comparison: usable recordings, found light, and parameters of the base model.
 mod prepared {
     pub(crate) mod base_model;
     mod base_parameter_fit;
@@ -79,7 +81,8 @@ mod prepared {
     mod start_phases;
 }
 
-/// Noise: mean and covariance of the statistics of clean sensors, derivatives, signatures of effects, and limits.
+/// The null model: mean and covariance of the statistics of clean sensors, derivatives, signatures of effects, and
+/// limits.
 mod null_model {
     pub(crate) mod baseline;
     pub(crate) mod derivatives;
@@ -96,7 +99,7 @@ mod null_model {
     pub(crate) mod vectors;
 }
 
-/// Fits of one model with effects to a set. A fitted model is compared with its own simulations.
+/// Fits of models with effects to a set. Each fitted model is also compared with its own simulations.
 mod fits {
     pub(crate) mod fit;
     pub(crate) mod fitter;
@@ -108,7 +111,7 @@ mod fits {
     pub(crate) mod slopes;
 }
 
-/// Search: rounds of tournaments between effects, tests on held-out recordings, and backward elimination.
+/// The search: rounds of tournaments between effects, tests on held-out recordings, and backward elimination.
 mod search {
     pub(crate) mod backward_elimination;
     pub(crate) mod effect_search;
@@ -154,7 +157,8 @@ pub use verdict::effect_limits::EffectLimit;
 pub use verdict::figures::{NamedCurve, RateResidual, SetPlots};
 pub use verdict::page::write_diagnosis;
 
-/// Returns the published model with the size and the rate of a set: the initial model of a diagnosis.
+/// Returns the published model with the frame size and the readout rate of a set. It is the initial model of a
+/// diagnosis without a camera file.
 ///
 /// # Errors
 /// Never in practice: the model is built in.

@@ -29,48 +29,52 @@ use spikelane_calibrate::{
 /// Options of a diagnosis.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DiagnoseOptions<'a> {
-    /// The initial model; if `None`, the published model is calibrated.
+    /// The initial model. If it is `None`, the published model is calibrated from the recordings.
     pub camera: Option<&'a Camera>,
-    /// Simulations of an earlier diagnosis under the same protocol.
+    /// The null model of an earlier diagnosis under the same protocol, with its simulations.
     ///
-    /// The sets are then judged as they are. They are not calibrated, and neither lamps nor the start of recordings
-    /// are checked.
+    /// With a null model, all recordings are compared as they are: no calibration takes place. Faults of lamps and
+    /// the start phases of recordings are not checked.
     pub null_model: Option<&'a NullModel>,
     /// Seed of all simulations.
     pub seed: u64,
-    /// The readouts of large recordings that are judged.
+    /// The readouts of large recordings that are compared with the model.
     pub readout_selection: ReadoutSelection,
-    /// Effects that are searched; if `None`, those of this library. A `null_model` has its own effects.
+    /// The effects that are searched. If it is `None`, all effects of this library are searched. A `null_model`
+    /// contains its own effects, which are used instead.
     pub effects: Option<&'a Catalog>,
-    /// Folder of cached simulations, which a further diagnosis of the same sets can reuse, also after one that was
+    /// Folder of cached simulations. A later diagnosis of the same sets can reuse them, even if the earlier one was
     /// stopped.
     ///
-    /// The cache changes no result. The simulations of a `null_model` are not cached. A simulation is reused if
-    /// protocol, camera, lamps and seed are identical to the bit. It must also come from the same version of this
-    /// library and of its results.
+    /// The cache does not change any result. A simulation is reused if the protocol, the camera, the lamps and the
+    /// seed are identical to the last bit. It must also come from the same version of this library and of its
+    /// results. The simulations of a `null_model` are not cached.
     ///
-    /// Each simulation is a file that appears only when it is complete, so several processes can use one folder. A
-    /// damaged file is simulated again. Files are never deleted. Each version has its own subfolder, with some
-    /// megabytes per diagnosis. You may delete a subfolder when no diagnosis is running. The version does not cover
-    /// the code of `effects` from another crate: use another folder if that code changes.
+    /// Each simulation is one file, which appears only when it is complete. Several processes can therefore use one
+    /// folder. A damaged file is simulated again. The diagnosis never deletes a file. Each version has its own
+    /// subfolder, with some megabytes per diagnosis. You may delete a subfolder when no diagnosis is running. If
+    /// `effects` contains code of another crate, the version does not identify this code: use another folder when
+    /// the code changes.
     pub cache: Option<&'a Path>,
-    /// Longest time for simulations, from the start of the diagnosis.
+    /// Largest duration of the simulations, measured from the start of the diagnosis.
     ///
-    /// At the limit, the diagnosis ends with the best result so far, and the field `undecided` of [`Diagnosis`] lists the open
-    /// questions. Reading, calibrating and writing do not stop at the limit. A result within the limit does not depend
-    /// on it. After the limit, the result depends on the speed of the machine; with `cache`, a further diagnosis
-    /// continues.
+    /// At the limit, the diagnosis ends with the best result so far. The field `undecided` of [`Diagnosis`] then
+    /// lists the open questions. Reading, calibrating and writing do not stop at the limit.
+    ///
+    /// If the diagnosis ends before the limit, its result does not depend on the limit. If the limit ends it, the
+    /// result depends on the speed of the machine. With `cache`, a further diagnosis continues from the stored
+    /// simulations.
     pub time_limit: Option<Duration>,
 }
 
 /// Finds the effects that a camera model is missing.
 ///
-/// With `holdout`, the second set judges the effects that the first one shows. Without it, every recording is cut in
-/// the middle, and the second half judges.
+/// If `holdout` is given, the effects that `set` shows are tested on this second set. Otherwise, every recording is
+/// divided in the middle, and the effects of the first half are tested on the second half.
 ///
 /// # Errors
-/// If a recording cannot be read or is too short, or the protocols of the sets differ. If the light of a set has another
-/// unit. If the cache folder cannot be created or written to.
+/// If a recording cannot be read or is too short, or the sets follow different protocols. If the stated light of a
+/// set is not relative to saturation. If the cache folder cannot be created or written to.
 pub fn diagnose(
     set: &RecordingSet,
     holdout: Option<&RecordingSet>,
@@ -80,9 +84,9 @@ pub fn diagnose(
     diagnose_with_preliminary(set, holdout, options, progress, &mut |_| {})
 }
 
-/// Finds missing effects as [`diagnose`] does, and passes a preliminary result to `on_preliminary`.
+/// Finds missing effects as [`diagnose`] does, and calls `on_preliminary` with a preliminary result.
 ///
-/// The preliminary result takes a third of the time of a diagnosis that finds nothing.
+/// The preliminary result is available after a third of the duration of a diagnosis that finds nothing.
 ///
 /// # Errors
 /// See [`diagnose`].
@@ -121,13 +125,14 @@ pub fn diagnose_with_preliminary(
     Ok(diagnosis)
 }
 
-/// Returns whether the recordings of `set` can be cut in two: it has streams, and none shows a static scene of unknown light.
+/// Returns whether the recordings of `set` can be divided into halves. The set must contain recordings, and none of
+/// them may show a static scene of unknown light.
 fn is_divisible(set: &RecordingSet) -> bool {
     let is_static = |r: &Recording| matches!(r.light, Stimulus::Scene(StimulusPattern::StaticUnknown {}));
     !set.recordings.is_empty() && !set.recordings.iter().any(is_static)
 }
 
-/// Returns an error if `set` states the color filters of its camera.
+/// Returns an error if `set` states that its camera has color filters.
 fn check_gray(set: &RecordingSet) -> Result<()> {
     match set.color_filters()? {
         ColorFilters::Mosaic(mosaic) => Err(color_filter_error(format_args!("the mosaic {mosaic}"))),
@@ -189,9 +194,11 @@ fn with_simulations(
     Ok(diagnosis)
 }
 
-/// Compares recordings with the first simulations. If they do not agree, completes the null model and searches for effects.
+/// Compares recordings with the first simulations. If they do not agree, completes the null model and searches for
+/// effects.
 ///
-/// The limits of the first simulations are stricter than those of a search, so a set that agrees raises no alarm later.
+/// The limits of the first simulations are stricter than those of a search. A set that is within them would
+/// therefore not raise an alarm in a search.
 fn compare(
     prepared: &Prepared,
     baseline: Baseline,
@@ -205,7 +212,8 @@ fn compare(
     let first = Search::new(recordings, &first_model)?;
     if let Some(found) = first.agreement()? {
         let mut diagnosis = first.diagnosis(found, given, progress)?;
-        // All simulations test the parameters of a camera file.
+        // The first simulations do not suffice to test the parameters of a camera file. If a parameter seems wrong,
+        // all simulations test it.
         if diagnosis.parameter_mismatches.is_empty() {
             qualify(&mut diagnosis, &first_model);
             return Ok(diagnosis);
@@ -226,7 +234,8 @@ fn compare(
     Ok(diagnosis)
 }
 
-/// What stood aside for the search: the camera's maps, its band of jitter, and where its recordings start.
+/// Restores the properties of the given camera that the search replaced: its maps, its jitter band, and the start
+/// phases of its pixels.
 fn restore(camera: &mut Camera, given: Option<&Camera>) -> Result<()> {
     if let Some(jitter) = given.and_then(|given| given.effect(readout_jitter::EFFECT.name)) {
         *camera = camera.clone().with_effect(jitter.clone());

@@ -1,8 +1,9 @@
 //! Locations of lost and repeated readouts, in recordings and in simulations.
 //!
-//! The number of events in a recording is random, and it changes all statistics together. Most effects change them
-//! less. If a model contained only the probability of the events, this randomness would hide other effects. Simulations
-//! therefore have the events at the located readouts.
+//! The number of events in a recording is random, and it changes many statistics together. Most other effects
+//! change the statistics by less than this randomness does. If a model contained only the probability of the
+//! events, the randomness would hide these effects. Simulations therefore have their events at the readouts that
+//! were located in the recordings.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
@@ -20,8 +21,8 @@ use spikelane::spikes::SpikeFramesRef;
 /// Number of event kinds: lost readouts, repeated readouts.
 pub(crate) const KIND_COUNT: usize = 2;
 
-/// Locations of the events of each kind in a recording; `None` if they cannot be located. The location of a lost
-/// readout is the first readout after it.
+/// Locations of the events of each kind in one recording. `None` means that the events cannot be located. The
+/// location of a lost readout is the first readout after it. The location of a repeated readout is the repetition.
 pub(crate) type EventLocations = [Option<Vec<usize>>; KIND_COUNT];
 
 /// Returns the event kind of an effect that changes whole readouts.
@@ -33,7 +34,9 @@ pub(crate) fn kind_index(effect: &Definition) -> Option<usize> {
     }
 }
 
-/// Removes and repeats readouts of a recording. The recording must contain the readouts that are removed.
+/// Removes and repeats readouts of a simulated recording. `places` contains the locations of lost and of repeated
+/// readouts, and `skip` is the number of readouts before the first judged one. `frames` must still contain the
+/// readouts that are removed.
 pub(crate) fn apply_events(
     frames: &mut Vec<u8>,
     bytes: usize,
@@ -68,11 +71,11 @@ pub(crate) fn locate_events(
     [lost.map(|lost| complete_waves(lost, &scan.stretches, half)), repeated]
 }
 
-/// The located events of a recording set, one element per recording.
+/// The located events of a recording set. Each element belongs to one recording.
 #[derive(Clone, Debug, Default, Hash)]
 pub(crate) struct LocatedEvents(pub Vec<EventLocations>);
 
-/// A number of events in a number of readouts.
+/// A number of counted events, and the number of readouts in which they were counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct EventCount {
     pub events: usize,
@@ -85,20 +88,22 @@ impl EventCount {
         self.events as f64 / self.readouts as f64
     }
 
-    /// Returns the standard deviation of the rate.
+    /// Returns the standard deviation of the rate. One event is added to the count, so it is not zero without
+    /// events.
     pub(crate) fn deviation(self) -> f64 {
         (self.events as f64 + 1.0).sqrt() / self.readouts as f64
     }
 
-    /// Returns the 95 % interval of the rate. The square root of a Poisson count has a standard deviation of 1/2
-    /// (Anscombe). From five events on, the ends are within 4 % of the exact interval.
+    /// Returns the 95 % interval of the rate. It is computed from the square root of the count, because the square
+    /// root of a Poisson count has a standard deviation of 1/2 (Anscombe). For five or more events, both ends are
+    /// within 4 % of the exact interval.
     pub(crate) fn interval(self) -> [f64; 2] {
         let root = |events: f64, by: f64| (events.sqrt() + by).max(0.0).powi(2) / self.readouts as f64;
         [root(self.events as f64, -0.98), root(self.events as f64 + 1.0, 0.98)]
     }
 
-    /// Returns the upper limit of the rate with 95 % confidence, by the formula of [`EventCount::interval`]. Without events it
-    /// is 3.3 events, and the exact limit is 3.0.
+    /// Returns the upper limit of the rate with 95 % confidence, by the formula of [`EventCount::interval`].
+    /// Without any event, the limit corresponds to 3.3 events. The exact limit is 3.0.
     pub(crate) fn upper_limit(self) -> f64 {
         ((self.events as f64 + 1.0).sqrt() + 0.8225).powi(2) / self.readouts as f64
     }
@@ -119,7 +124,8 @@ impl LocatedEvents {
     }
 }
 
-/// The located events of the fitted and of the judging recordings.
+/// The located events of the fitted set and of the judging set. The judging set is the held-out set, or the fitted
+/// set if nothing is held out.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Events {
     pub fitted: Arc<LocatedEvents>,
@@ -128,7 +134,7 @@ pub(crate) struct Events {
 }
 
 impl Events {
-    /// Creates the events of both sets. The judging set is counted if it is `held_out`.
+    /// Creates the events of both sets. If `held_out` is set, the counts include the events of the judging set.
     pub(crate) fn new(
         fitted: LocatedEvents,
         judging: LocatedEvents,
@@ -148,8 +154,8 @@ impl Events {
         kind_index(effect).map(|kind| self.counts[kind]).filter(|count| count.readouts > 0)
     }
 
-    /// Describes the number of events and the first locations in the fitted set. The text is empty if the events
-    /// cannot be located.
+    /// Describes the number of events in both sets and the first locations in the fitted set. The text is empty if
+    /// the events cannot be located.
     pub(crate) fn describe(&self, effect: &Definition, scenes: &[RecordedScene]) -> String {
         let (Some(kind), Some(count)) = (kind_index(effect), self.of(effect)) else { return String::new() };
         let place = |(scene, places): (&RecordedScene, &EventLocations)| {
@@ -166,18 +172,20 @@ impl Events {
         format!("; {} found in {} readouts, {first}", count.events, count.readouts)
     }
 
-    /// Returns whether the recordings can contain the effect.
+    /// Returns whether the recordings can contain `effect`: its events cannot be located, or at least one event was
+    /// located.
     pub(crate) fn allow(&self, effect: &Definition) -> bool {
         self.of(effect).is_none_or(|count| count.events > 0)
     }
 
-    /// Returns whether the recordings certainly contain the effect.
+    /// Returns whether the recordings certainly contain `effect`: at least [`MIN_CERTAIN_EVENTS`] events were
+    /// located.
     pub(crate) fn demand(&self, effect: &Definition) -> bool {
         self.of(effect).is_some_and(|count| count.events >= MIN_CERTAIN_EVENTS)
     }
 }
 
-/// Events that a simulation has at located readouts.
+/// Events that a simulation has at the located readouts instead of at random readouts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PinnedEvents {
     located: Arc<LocatedEvents>,
@@ -185,7 +193,7 @@ pub(crate) struct PinnedEvents {
 }
 
 impl PinnedEvents {
-    /// Creates the events of `located` that belong to one of `effects`.
+    /// Creates the pinned events of those kinds that belong to one of `effects`.
     pub(crate) fn new<'a>(
         located: &Arc<LocatedEvents>,
         effects: impl Iterator<Item = &'a Definition> + Clone,
@@ -194,7 +202,7 @@ impl PinnedEvents {
         Self { located: located.clone(), kinds: std::array::from_fn(has) }
     }
 
-    /// Returns the events of another set for the same kinds.
+    /// Returns pinned events of the same kinds at the locations `located` of another set.
     pub(crate) fn of(&self, located: &Arc<LocatedEvents>) -> Self {
         Self { located: located.clone(), kinds: self.kinds }
     }
@@ -214,15 +222,15 @@ impl PinnedEvents {
         hasher.finish()
     }
 
-    /// Returns the lost and the repeated readouts of recording `k`. `None` means that the simulation draws them at
-    /// random.
+    /// Returns the locations of the lost and of the repeated readouts in recording `k`. `None` means that the
+    /// simulation draws the locations at random.
     pub(crate) fn places(&self, k: usize) -> [Option<&[usize]>; KIND_COUNT] {
         let of = |kind: usize| self.located.0.get(k).filter(|_| self.kinds[kind])?[kind].as_deref();
         std::array::from_fn(of)
     }
 }
 
-/// Returns whether an operation draws events at random that `places` contains.
+/// Returns whether `op` draws events of a kind whose locations are in `places`. The simulation then omits `op`.
 pub(crate) fn is_replaced(op: &Op, places: &[Option<&[usize]>; KIND_COUNT]) -> bool {
     match op {
         Op::DropReadouts { .. } => places[0].is_some(),
@@ -238,7 +246,8 @@ mod tests {
 
     #[test]
     fn events_are_applied_at_their_locations() {
-        // Readouts of two bytes. The first one is skipped. The readouts 1, 4 and 5 of the others are lost.
+        // Readouts of two bytes, of which the first one is skipped. Of the other readouts, numbers 1, 4 and 5 are
+        // lost.
         let frames: Vec<u8> = (0..11_u8).flat_map(|t| [t, t]).collect();
         let put = |lost: &[usize], repeated: &[usize]| {
             let mut frames = frames.clone();
@@ -246,7 +255,7 @@ mod tests {
             frames.chunks(2).map(|f| f[0]).collect::<Vec<u8>>()
         };
         assert_eq!(put(&[1, 3, 3], &[]), [0, 1, 3, 4, 7, 8, 9, 10]);
-        // A repetition of a copy is the same readout once more.
+        // If the repeated readout is itself a repetition, the same readout appears once more.
         assert_eq!(put(&[1, 3, 3], &[1, 2, 5]), [0, 1, 1, 1, 7, 8, 8, 10]);
         assert_eq!(put(&[], &[]).len(), 11);
     }

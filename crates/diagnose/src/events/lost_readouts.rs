@@ -1,9 +1,10 @@
 //! Lost readouts, located by the spikes that are missing with them.
 //!
-//! A pixel fires at regular intervals of `m` readouts. If a readout is lost, the spikes in it are lost as well. The
-//! intervals of these pixels have `2 m - 1` readouts, all at the same time. No other effect causes this pattern: missed
-//! spikes are independent between pixels, and a change of the light lasts longer. Pixels that fire at most readouts are regular
-//! in the readouts without a spike.
+//! A pixel fires at regular intervals of `m` readouts. If one readout is lost, the spikes in it are lost as well.
+//! Each pixel that fired in this readout then has an interval of `2 m - 1` readouts, and all these intervals
+//! contain the same moment. No other effect causes this pattern. Missed spikes are independent between pixels, and
+//! a change of the light lasts longer. For pixels that fire at most readouts, the same rule applies to the readouts
+//! without a spike.
 
 use std::ops::Range;
 
@@ -17,10 +18,10 @@ use crate::thresholds::{
 use spikelane::unstable::spikes::set_bits;
 use spikelane::unstable::threads;
 
-/// The readouts of each light, as ranges.
+/// Ranges of readouts under the same light. Each element contains all ranges of one light.
 pub(crate) type LightPeriods = Vec<Vec<Range<usize>>>;
 
-/// Returns the readouts in which the light of a scene is constant.
+/// Returns the ranges of readouts for each light of a scene: one light for a constant scene, two for a square wave.
 pub(crate) fn constant_periods(
     scene: &RecordedScene,
     stretches: &[Stretch],
@@ -30,15 +31,17 @@ pub(crate) fn constant_periods(
         return vec![vec![0..readouts]];
     }
     let Some(first) = stretches.first() else { return Vec::new() };
-    // The readouts before the first step do not belong to a stretch.
+    // The readouts before the first step belong to no stretch. Their light is the opposite of the light of the
+    // first stretch.
     let all = std::iter::once((!first.is_bright, 0..first.from))
         .chain(stretches.iter().map(|s| (s.is_bright, s.from..s.to)));
     let all: Vec<(bool, Range<usize>)> = all.collect();
     [false, true].map(|bright| all.iter().filter(|s| s.0 == bright).map(|s| s.1.clone()).collect()).into()
 }
 
-/// Returns the first readout after each lost one, or `None` if too few spikes go with a readout. Locations beside
-/// `repeated` readouts are excluded, because the spikes of a repeated readout are missing as well.
+/// Returns the first readout after each lost readout. Returns `None` if a lost readout would contain too few spikes
+/// to be located. Locations within two readouts of a `repeated` readout are excluded, because spikes are also
+/// missing in a repeated readout.
 pub(crate) fn locate_lost(
     bits: &PixelBits,
     periods: &[Vec<Range<usize>>],
@@ -52,11 +55,11 @@ pub(crate) fn locate_lost(
     Some(all)
 }
 
-/// Adds lost readouts near a step, where too few pixels cover both sides. A wave that is n readouts too short adds n lost
-/// readouts at its inner step.
+/// Adds lost readouts near a step, where too few pixels have spikes on both sides. A wave that is too short has
+/// lost readouts. Those that were not located are added at the inner step of the wave.
 ///
-/// A wave lasts from one rise to the next, or from one fall to the next. A delay of the response to rises or to falls
-/// then cancels.
+/// A wave lasts from one rise to the next, or from one fall to the next. If the response to rises is delayed, both
+/// ends move equally, so the length does not change. `half` is the half period in readouts.
 pub(crate) fn complete_waves(mut lost: Vec<usize>, stretches: &[Stretch], half: usize) -> Vec<usize> {
     if lost.is_empty() {
         return lost;
@@ -71,8 +74,8 @@ pub(crate) fn complete_waves(mut lost: Vec<usize>, stretches: &[Stretch], half: 
     lost
 }
 
-/// Missing spikes of all pixels. `at` is indexed by twice the readout after the missing one. `expected` is the number
-/// of spikes in a readout.
+/// Missing spikes of all pixels. The index of `at` is twice the first readout after the missing spike. `expected`
+/// is the expected number of spikes per readout.
 #[derive(Clone, Debug)]
 struct MissingSpikes {
     at: Vec<u32>,
@@ -80,7 +83,8 @@ struct MissingSpikes {
     pixels: usize,
 }
 
-/// Locates lost readouts in the readouts of one light. Returns `None` if too few spikes go with one readout.
+/// Locates lost readouts in the ranges `period` of one light. Returns `None` if a lost readout would contain too
+/// few spikes to be located.
 pub(crate) fn locate_under_light(bits: &PixelBits, period: &[Range<usize>]) -> Option<Vec<usize>> {
     let pixels = bits.geometry.pixels();
     let rows = pixels.div_ceil(BAND_COUNT);
@@ -132,8 +136,8 @@ impl MissingSpikes {
         }
     }
 
-    /// Adds the missing spikes of an interval `gap` that begins at `start`. `n` lost readouts join `n + 1` intervals
-    /// into one, which is `n` readouts shorter than their sum.
+    /// Adds the missing spikes of an interval of `gap` readouts that begins at `start`. If `n` readouts are lost,
+    /// `n + 1` regular intervals become one interval, which is `n` readouts shorter than their sum.
     fn add_gap(&mut self, start: u32, gap: u32, mean: f64) {
         let n = ((f64::from(gap) - mean) / (mean - 1.0)).round().max(1.0) as u32;
         if n > MAX_MISSING_RUN {
@@ -145,7 +149,8 @@ impl MissingSpikes {
         }
     }
 
-    /// Returns the readouts with as many missing spikes as one readout has, and with hardly any around them.
+    /// Returns the lost readouts. At a lost readout, as many spikes are missing as one readout has, and hardly any
+    /// are missing around it.
     fn locate(mut self, period: &[Range<usize>]) -> Option<Vec<usize>> {
         let background = f64::from(self.at.iter().sum::<u32>()) / self.at.len() as f64;
         let reach = 2 + (0.06 * self.mean()) as usize;
@@ -168,10 +173,11 @@ impl MissingSpikes {
         self.pixels as f64 / self.expected
     }
 
-    /// Returns the index with the largest sum within `reach` that qualifies as a lost readout.
+    /// Returns the index in `at` with the largest sum of missing spikes within `reach`, if any sum is large and
+    /// sharp enough for a lost readout. `chance` is the sum that chance does not exceed.
     fn find_peak(&self, reach: usize, chance: f64, period: &[Range<usize>]) -> Option<usize> {
         let mean = self.mean();
-        // Near the edge of a range, only a share of the pixels have spikes on both sides.
+        // Near the end of a range, only some of the pixels have spikes on both sides.
         let share = |at: usize| {
             let inside = period.iter().filter(|r| r.contains(&at));
             inside.map(|r| (at - r.start).min(r.end - at) as f64 / mean).fold(0.0, f64::max).min(1.0)
@@ -190,7 +196,8 @@ impl MissingSpikes {
         (0..sums.len()).filter(|i| is_strong(i) && is_sharp(i)).reduce(larger)
     }
 
-    /// Returns the lost readouts in `window`. The number of missing spikes determines how many there are.
+    /// Returns the lost readouts in `window`. The number of missing spikes, divided by the spikes of one readout,
+    /// determines how many readouts are lost.
     fn lost_readouts_in(&self, window: Range<usize>, background: f64) -> Vec<usize> {
         let chance = background * window.len() as f64;
         let spikes: Vec<usize> = window.flat_map(|j| std::iter::repeat_n(j, self.at[j] as usize)).collect();
@@ -199,7 +206,9 @@ impl MissingSpikes {
         spikes.chunks(spikes.len().div_ceil(count)).map(center).collect()
     }
 
-    /// Extends a window by `step` as long as the added part contains more than stray spikes of the same lost readout.
+    /// Extends `window` on both sides in steps of `step` elements. The extension ends when the next part contains
+    /// only stray missing spikes of the readouts in the window. A part with more missing spikes contains another
+    /// lost readout.
     fn extend_window(&self, mut window: Range<usize>, step: usize, background: f64) -> Range<usize> {
         let min_spikes = count_limit(background * step as f64).max(ADJACENT_SHARE * self.expected);
         let has_spikes = |range: Range<usize>| {
@@ -215,12 +224,12 @@ impl MissingSpikes {
     }
 }
 
-/// Returns a limit of a Poisson count with expectation `mean`. A count exceeds it with a probability below 1e-8.
+/// Returns a limit that a Poisson count with expectation `mean` exceeds with a probability below 1e-8.
 fn count_limit(mean: f64) -> f64 {
     mean + 5.6 * mean.sqrt() + 3.5
 }
 
-/// Returns the sum of the elements within `reach` of each element.
+/// Returns, for each element, the sum of the elements at most `reach` away from it.
 fn window_sums(at: &[u32], reach: usize) -> Vec<u32> {
     let before: Vec<u32> = std::iter::once(0)
         .chain(at.iter().scan(0, |sum, n| {
@@ -231,8 +240,9 @@ fn window_sums(at: &[u32], reach: usize) -> Vec<u32> {
     (0..at.len()).map(|i| before[(i + reach + 1).min(at.len())] - before[i.saturating_sub(reach)]).collect()
 }
 
-/// Collects the spikes of a pixel in `range`, or with `flip` the readouts without a spike.
-/// [`spike_times`](crate::recordings::scan::spike_times) is faster, but it covers whole recordings only.
+/// Collects into `times` the readouts in `range` at which a pixel fires. If `flip` is `u64::MAX`, collects the
+/// readouts without a spike instead. [`spike_times`](crate::recordings::scan::spike_times) is faster, but it
+/// supports whole recordings only.
 fn collect_spikes(words: &[u64], flip: u64, range: &Range<usize>, times: &mut Vec<u32>) {
     times.clear();
     for w in range.start / 64..range.end.div_ceil(64) {
@@ -299,8 +309,9 @@ mod tests {
 
     #[test]
     fn two_nearby_lost_readouts_are_separated() {
-        // For distances up to one mean interval of the dimmest light, the same pixels lose two spikes. At intervals
-        // below five readouts, two events at a distance below 3 leave most pixels with a regular interval.
+        // The distances reach one mean interval of the dimmest light, 20 readouts. At this distance, the same
+        // pixels lose two spikes. If intervals are shorter than five readouts, two lost readouts at a distance
+        // below 3 leave most pixels with a regular interval.
         for (light, nearest) in [(0.05, 1), (0.1, 1), (0.2, 1), (0.3, 3), (0.4, 3), (0.6, 3), (0.9, 1)] {
             for between in nearest..24 {
                 let found =

@@ -1,4 +1,4 @@
-//! Repeated readouts, located by pixels that do not behave alike at two successive readouts otherwise.
+//! Repeated readouts, located by pixels that never have the same bit at two successive readouts otherwise.
 
 use std::ops::Range;
 
@@ -8,8 +8,8 @@ use crate::recordings::scan::Scan;
 use crate::thresholds::{MIN_MEAN_CHANGES, MIN_UNUSUAL_PIXELS};
 use spikelane::spikes::{SpikeFramesRef, bit};
 
-/// Locates the readouts that repeat the previous one under the same light. Returns `None` if hardly any bits change,
-/// or if the light is never constant.
+/// Locates the readouts that repeat the previous readout under the same light. Returns `None` if few bits change
+/// per readout, or if the light is never constant.
 pub(crate) fn locate_repeated(
     frames: SpikeFramesRef<'_>,
     bits: &PixelBits,
@@ -28,9 +28,10 @@ pub(crate) fn locate_repeated(
 
 /// Locates repeated readouts under one light.
 ///
-/// A pixel that fires at fewer than half of the readouts does not fire at two successive ones. A pixel that fires at
-/// more than half does not pause at two successive ones. Other repetitions are not evidence: a dead pixel never fires,
-/// and in the dark after a fall of the light no pixel may fire for a while.
+/// A pixel that fires at fewer than half of the readouts does not fire at two successive readouts. A pixel that
+/// fires at more than half does not pause at two successive readouts. Such an unusual repetition is evidence for a
+/// repeated readout. Other repetitions are not evidence. For example, a dead pixel never fires, and after a fall of
+/// the light no pixel may fire for some time.
 fn repeated_under_light(
     frames: SpikeFramesRef<'_>,
     bits: &PixelBits,
@@ -60,7 +61,8 @@ mod tests {
     use crate::recordings::scan::{ScanOptions, scan};
     use spikelane::spikes::{Geometry, set_bit};
 
-    /// Simulates 16x16 pixels. The first eight never fire, and every `period`-th of the others fires at each readout.
+    /// Locates repeated readouts in 16x16 simulated pixels. The first eight pixels never fire. At each readout,
+    /// every `period`-th of the other pixels fires. `again` contains the readouts that are repeated.
     fn locate_in_pattern(period: usize, again: &[usize]) -> Option<Vec<usize>> {
         let geometry = Geometry::new(16, 16).unwrap();
         let mut bytes = vec![0; 400 * geometry.frame_bytes()];
@@ -84,7 +86,7 @@ mod tests {
 
     #[test]
     fn repeated_readouts_are_located_at_every_light() {
-        // After two repetitions in succession, every third pixel fires at the same readouts as before them.
+        // After two successive repetitions, the pattern with period 3 equals the pattern before them.
         for (period, again) in
             [(3, vec![17, 301]), (5, vec![17, 18, 301]), (60, vec![17, 18]), (120, vec![17, 301])]
         {
@@ -94,8 +96,8 @@ mod tests {
         assert_eq!(locate_in_pattern(1, &[17]), None, "constant bits");
     }
 
-    /// Two pixels fire at two of three bright readouts, the others at one of five. None fires for 60 readouts after
-    /// the fall of the light.
+    /// While the light is bright, two pixels fire at two of three readouts, and the others fire at one of five.
+    /// After the fall of the light, no pixel fires for 60 readouts.
     #[test]
     fn silence_after_a_fall_is_not_a_repetition() {
         let geometry = Geometry::new(16, 16).unwrap();

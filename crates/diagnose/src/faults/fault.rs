@@ -15,7 +15,7 @@ pub enum FaultKind {
     LightDrift,
     /// The light of the recording differs from the stated one.
     LightMismatch,
-    /// The lit levels scatter by more than the assumed uncertainty of lamps.
+    /// The lit levels scatter about a smooth response by more than the uncertainty of their light.
     LightScatter,
     /// The light oscillates, for example with the mains frequency.
     LightFlicker,
@@ -41,17 +41,17 @@ impl Fault {
         Self { recording: Some(recording.to_owned()), kind, description: words, is_excluded: true }
     }
 
-    /// Returns a fault of a lamp whose light differs from the stated light. Its recording is not excluded.
+    /// Creates a fault of a lamp whose light differs from the stated light. The recording is not excluded.
     pub(super) fn of_lamp(recording: &str, words: String) -> Self {
         Self { is_excluded: false, ..Self::new(recording, FaultKind::LightMismatch, words) }
     }
 
-    /// Returns a fault of the whole set, which excludes no recording.
+    /// Creates a fault of the whole set. No recording is excluded.
     pub(super) fn of_set(kind: FaultKind, words: String) -> Self {
         Self { recording: None, kind, description: words, is_excluded: false }
     }
 
-    /// Returns the description with the file name, and whether the recording was excluded.
+    /// Returns the file name and the description. If the recording was excluded, another sentence states this.
     #[must_use]
     pub fn sentence(&self) -> String {
         let file = self.recording.as_ref().map_or_else(String::new, |file| format!("{file}: "));

@@ -1,4 +1,4 @@
-//! Scan of a set for faults of its recordings.
+//! Scans a recording set for faults of its recordings.
 
 use crate::faults::fault::Fault;
 use crate::faults::levels::{Point, check, dark_rate, points};
@@ -11,12 +11,13 @@ use crate::statistics::order::Spread;
 use spikelane_calibrate::unstable::SATURATION_RATE;
 use spikelane_calibrate::{LightLevel, Stimulus, StimulusPattern};
 
-/// Result of the scan.
+/// The faults of a recording set, and the consequences for its recordings.
 pub(crate) struct FaultScan {
     pub faults: Vec<Fault>,
-    /// Excluded recordings.
+    /// Indices of the excluded recordings.
     pub dropped: Vec<usize>,
-    /// Relative standard deviation of the light of each recording.
+    /// Relative standard deviation of the light of each recording: the stated one, or a larger one if the levels
+    /// contradict the stated one.
     pub light_uncertainties: Vec<f64>,
 }
 
@@ -48,7 +49,7 @@ pub(crate) fn scan_for_faults(setup: &Setup, scans: &[Scan]) -> FaultScan {
         }
     }
     pick(&mut levels, &seen);
-    // A sum has no lamp of its own: its light follows from its sources.
+    // A recording with several sources has no lamp of its own, because its light is the sum of its sources.
     levels.retain(|(k, _)| !setup.recordings[*k].sources.is_sum());
     let mut lit = points(&levels, |k| setup.recordings[k].light_uncertainty);
     lit.extend(bright_squares(setup, scans, dark_rate(&levels)));
@@ -68,7 +69,8 @@ impl FaultScan {
         }
     }
 
-    /// Adds the result of another set. `place` is appended to its file names.
+    /// Adds the result of the scan of another set. `place` names the other set and is appended to the file names of
+    /// its faults.
     pub(crate) fn and(&mut self, more: Self, place: &str) {
         let Self { faults, dropped, light_uncertainties } = more;
         let known =
@@ -85,12 +87,13 @@ impl FaultScan {
     }
 }
 
-/// Returns the spike counts of the first half.
+/// Returns the number of spikes of each pixel in the first half of a recording.
 fn first_half_counts(scan: &Scan) -> Vec<u32> {
     scan.pixels.iter().map(|p| p.blocks[..BLOCK_COUNT / 2].iter().sum()).collect()
 }
 
-/// Returns the level of a scan with the change between its halves.
+/// Returns the level of a recording with its rates, including the change of the rates from the first to the second
+/// half.
 fn light_level(scene: &RecordedScene, scan: &Scan) -> LightLevel {
     let counts = scan.pixels.iter().map(|p| p.count).collect();
     let rates = scan.pixels.iter().map(|p| p.rate).collect();
@@ -99,7 +102,8 @@ fn light_level(scene: &RecordedScene, scan: &Scan) -> LightLevel {
         .with_first_half(&first_half_counts(scan))
 }
 
-/// Returns the level of the bright squares of a checkerboard, without their edges.
+/// Returns the level of the bright squares of the first checkerboard. Pixels at the edges of the squares are
+/// excluded. `dark` is the rate in the dark.
 fn bright_squares(setup: &Setup, scans: &[Scan], dark: f64) -> Option<Point> {
     let board = |k: usize| match setup.recordings[k].light {
         Stimulus::Scene(StimulusPattern::Checkerboard { high, cell, .. }) => {

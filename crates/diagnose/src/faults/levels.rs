@@ -1,10 +1,12 @@
-//! Levels of light that contradict their stated uncertainty.
+//! Light levels that contradict their stated uncertainty.
 //!
-//! The response of a camera is a smooth function of the light. Dead time and nonlinearity change it in proportion to
-//! the light, leaks and offsets in inverse proportion. If a level deviates from every smooth response through the
-//! other levels, its lamp therefore deviates. The mean rate of all pixels has a much smaller error than any lamp.
+//! The response of a camera is a smooth function of the light. Dead time and nonlinearity change the response in
+//! proportion to the light. Leaks and offsets change it in inverse proportion to the light. If one level deviates
+//! from every smooth response through the other levels, the cause is therefore its lamp. The error of the mean rate
+//! of all pixels is much smaller than the error of any lamp.
 //!
-//! No recording is excluded for its level. The lamp receives a larger uncertainty, which covers the deviation.
+//! No recording is excluded because of its level. Its lamp receives a larger uncertainty instead, which covers the
+//! deviation.
 
 use crate::faults::fault::{Fault, FaultKind};
 use crate::statistics::order::Spread;
@@ -16,10 +18,10 @@ use nalgebra::{DMatrix, DVector};
 use spikelane_calibrate::LightLevel;
 use spikelane_calibrate::unstable::{SATURATION_RATE, chi_square_over_freedom};
 
-/// A level of light.
+/// The response of a camera at one light level.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
-    /// The recording whose level can be reported.
+    /// Index of the recording, or `None` for a level that is not reported, such as the squares of a checkerboard.
     pub recording: Option<usize>,
     pub light: f64,
     /// Rate minus the rate in the dark, divided by the light.
@@ -28,18 +30,19 @@ pub(super) struct Point {
     pub uncertainty: f64,
 }
 
-/// Result of the examination of all levels.
+/// Result of the comparison of all levels with smooth responses.
 #[derive(Debug, Default)]
 pub(super) struct LampCheck {
-    /// Recordings whose light deviates, with the relative deviations.
+    /// Recordings whose light deviates from the stated light, each with its relative deviation.
     pub off: Vec<(usize, f64)>,
-    /// Factor of all other uncertainties, at least 1.
+    /// Factor for the uncertainties of the other lamps, at least 1.
     pub factor: f64,
-    /// Relative scatter of the levels, if it exceeds the limit of a report.
+    /// Relative scatter of the levels about a smooth response. `None` if it is too small for a report.
     pub scatter: Option<f64>,
 }
 
-/// Returns the points of uniform levels. `uncertainty` is that of a recording.
+/// Returns the points of the lit uniform levels below saturation. `uncertainty` returns the relative uncertainty of
+/// the light of a recording.
 pub(super) fn points(levels: &[(usize, LightLevel)], uncertainty: impl Fn(usize) -> f64) -> Vec<Point> {
     let dark = dark_rate(levels);
     let lit = levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= SATURATION_RATE);
@@ -61,7 +64,7 @@ fn usual(level: &LightLevel) -> f64 {
 }
 
 impl LampCheck {
-    /// Returns the faults of these lamps.
+    /// Returns the faults of the lamps. `name` returns the file name of a recording.
     pub(super) fn faults(&self, points: &[Point], name: impl Fn(usize) -> String) -> Vec<Fault> {
         let stated = |k: usize| points.iter().find(|p| p.recording == Some(k));
         let off = self.off.iter().filter_map(|(k, by)| {
@@ -92,7 +95,8 @@ impl LampCheck {
         faults
     }
 
-    /// Returns the uncertainty of the light of recording `k`, whose stated uncertainty is `stated`.
+    /// Returns the uncertainty that the diagnosis uses for the light of recording `k`. `stated` is the stated
+    /// uncertainty.
     pub(super) fn uncertainty(&self, k: usize, stated: f64) -> f64 {
         if self.off.iter().any(|(off, _)| *off == k) {
             return stated.max(REPORTED_LAMP_UNCERTAINTY);
@@ -101,7 +105,8 @@ impl LampCheck {
     }
 }
 
-/// Smooth responses as functions of the light, relative to their scale.
+/// Basis functions of smooth responses. Their argument is the light, and the responses are relative to their
+/// median.
 fn curves(points: usize) -> Vec<fn(f64) -> Vec<f64>> {
     let mut all: Vec<fn(f64) -> Vec<f64>> = vec![|_| vec![1.0], |x| vec![1.0, x], |x| vec![1.0, 1.0 / x]];
     if points >= 6 {
@@ -110,7 +115,8 @@ fn curves(points: usize) -> Vec<fn(f64) -> Vec<f64>> {
     all
 }
 
-/// Compares all levels with smooth responses.
+/// Compares all levels with smooth responses. First removes single levels that deviate, then tests the scatter of
+/// the others.
 pub(super) fn check(points: &[Point]) -> LampCheck {
     let scale = Spread::of(&points.iter().map(|p| p.response).collect::<Vec<_>>()).median();
     let mut left: Vec<Point> = points.to_vec();
@@ -120,7 +126,7 @@ pub(super) fn check(points: &[Point]) -> LampCheck {
     if own(&left) < MIN_LIT_LEVELS[1] || !(scale.is_finite() && scale > 0.0) {
         return found;
     }
-    // Most lamps must remain, because the others are compared with them.
+    // Most lamps must remain, because each lamp is compared with the others.
     while own(&left) >= MIN_LIT_LEVELS[0] && 3 * found.off.len() < points.len() && !is_smooth(&left) {
         let Some((i, by)) = most_deviating(&left) else { break };
         found.off.extend(left[i].recording.map(|k| (k, by)));
@@ -133,14 +139,14 @@ pub(super) fn check(points: &[Point]) -> LampCheck {
     }
     let square = mean_square * freedom as f64;
     if square > limit(freedom, WIDENED_SCATTER_Z) {
-        // The largest uncertainty for which so small a scatter has a probability of at most 5 %.
+        // The largest uncertainty factor at which a scatter this small or smaller has a probability of 5 %.
         found.factor = (square / lower_twentieth(freedom)).sqrt().max(1.0);
     }
     found.scatter = (square > limit(freedom, REPORTED_SCATTER_Z)).then_some(relative);
     found
 }
 
-/// Returns the degrees of freedom of the best curve, and the mean square of the deviations from it.
+/// Returns the degrees of freedom and the mean squared deviation of the best-fitting curve.
 fn scatter(points: &[Point]) -> Option<(usize, f64)> {
     let all: Vec<usize> = (0..points.len()).collect();
     let fitted = curves(points.len()).into_iter().filter_map(|c| Curve::of(points, &all, c));
@@ -153,13 +159,14 @@ fn is_smooth(points: &[Point]) -> bool {
     })
 }
 
-/// Returns the level with the largest deviation from every smooth response through the others, and its relative
-/// deviation.
+/// Returns the index and the relative deviation of the level that deviates most from every smooth response through
+/// the other levels.
 fn most_deviating(points: &[Point]) -> Option<(usize, f64)> {
     let brightest = (0..points.len()).max_by(|a, b| points[*a].light.total_cmp(&points[*b].light));
     let candidates = (0..points.len()).filter(|i| points[*i].recording.is_some()).filter_map(|i| {
         let (excess, by) = deviation(points, i)?;
-        // Pixels that saturate lack spikes in the brightest light only.
+        // Saturated pixels lack spikes. In the brightest level, a negative deviation may therefore come from
+        // saturation instead of the lamp.
         let may_saturate = brightest == Some(i) && by < 0.0;
         let darker = points.iter().filter(|p| p.light < points[i].light).count();
         let is_end = darker == 0 || darker + 1 == points.len();
@@ -169,9 +176,11 @@ fn most_deviating(points: &[Point]) -> Option<(usize, f64)> {
     candidates.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _, by)| (i, by))
 }
 
-/// Returns the excess of the deviation of level `i` over the limit, in standard deviations, for the curve with the
-/// smallest excess. Also returns the relative deviation from the simplest curve. Returns `None` if no curve fits the
-/// other levels.
+/// Compares level `i` with smooth responses through the other levels. Returns `None` if no curve fits the other
+/// levels.
+///
+/// The first value is the excess of the deviation over [`MAX_LEVEL_PULL`], in standard deviations, for the curve
+/// with the smallest excess. The second value is the relative deviation from the simplest curve.
 fn deviation(points: &[Point], i: usize) -> Option<(f64, f64)> {
     let others: Vec<usize> = (0..points.len()).filter(|j| *j != i).collect();
     let of = |c| {
@@ -179,7 +188,8 @@ fn deviation(points: &[Point], i: usize) -> Option<(f64, f64)> {
             .filter(|c| c.mean_square * c.freedom as f64 <= limit(c.freedom, REPORTED_SCATTER_Z))?;
         let (expected, variance) = curve.at(points[i].light);
         let off = points[i].response - expected;
-        // The other lamps may deviate as well. Two standard deviations of the curve are therefore subtracted.
+        // The other lamps may deviate as well, so the curve has an error. Two standard deviations of the curve are
+        // therefore subtracted.
         let own = points[i].uncertainty.hypot(MIN_RESPONSE_UNCERTAINTY);
         Some(((off.abs() - 2.0 * variance.sqrt()) / own - MAX_LEVEL_PULL, off))
     };
@@ -188,34 +198,34 @@ fn deviation(points: &[Point], i: usize) -> Option<(f64, f64)> {
     found.first().map(|f| (least, f.1))
 }
 
-/// Returns the limit of chi-square for a normal quantile.
+/// Returns the value of chi-square at the normal quantile `z`.
 fn limit(freedom: usize, z: f64) -> f64 {
     freedom as f64 * chi_square_over_freedom(freedom as f64, z)
 }
 
-/// Returns the 5 % quantile of chi-square.
+/// Returns the 5 % quantile of chi-square with `freedom` degrees of freedom.
 fn lower_twentieth(freedom: usize) -> f64 {
     match freedom {
-        // The approximation is inaccurate here. One degree of freedom: square of the normal quantile at 0.525. Two:
-        // exponential distribution.
+        // The approximation in `limit` is inaccurate for few degrees of freedom. For one, this is the squared
+        // normal quantile at the probability 0.525. For two, chi-square follows an exponential distribution.
         1 => 0.003_93,
         2 => 0.102_6,
         _ => limit(freedom, -WIDENED_SCATTER_Z),
     }
 }
 
-/// A smooth response through some of the levels, weighted by their uncertainties.
+/// A smooth response that is fitted to some of the levels. Each level is weighted by its uncertainty.
 struct Curve {
     basis: fn(f64) -> Vec<f64>,
     values: DVector<f64>,
     covariance: DMatrix<f64>,
     freedom: usize,
-    /// Mean square of the weighted deviations, per degree of freedom.
+    /// Sum of the squared weighted deviations, divided by the degrees of freedom.
     mean_square: f64,
 }
 
 impl Curve {
-    /// Fits a curve. Returns `None` without a degree of freedom.
+    /// Fits a curve to the points with the indices `used`. Returns `None` if no degree of freedom remains.
     fn of(points: &[Point], used: &[usize], basis: fn(f64) -> Vec<f64>) -> Option<Self> {
         let n = basis(1.0).len();
         if used.len() <= n {
@@ -232,7 +242,7 @@ impl Curve {
         Some(Self { basis, values, covariance, freedom, mean_square })
     }
 
-    /// Returns the value and its variance at a light.
+    /// Returns the value of the curve at `light` and the variance of this value.
     fn at(&self, light: f64) -> (f64, f64) {
         let row = DVector::from_vec((self.basis)(light));
         (row.dot(&self.values), row.dot(&(&self.covariance * &row)))
@@ -257,14 +267,15 @@ mod tests {
         lights.iter().enumerate().map(point).collect()
     }
 
-    /// The lamps deviate by about 0.1 %, and one lamp by 3 %.
+    /// All lamps deviate by about 0.1 %, and one lamp additionally deviates by 3 %.
     #[test]
     fn any_level_off_by_many_uncertainties_is_found() {
         let lamps = [4e-4, -1.1e-3, 9e-4, -3e-4, 1.2e-3];
         for off in 0..LIGHTS.len() {
             for by in [0.03, -0.03] {
                 let found = check(&set(&LIGHTS, 1e-3, |i, _| lamps[i] + if i == off { by } else { 0.0 }));
-                // A lack of light in the brightest level may be due to saturated pixels.
+                // The negative deviation of the brightest level may come from saturated pixels, so it is not
+                // reported.
                 if off == 4 && by < 0.0 {
                     assert!(found.off.is_empty(), "{found:?}");
                     continue;
@@ -288,8 +299,9 @@ mod tests {
         }
     }
 
-    /// Ten levels have lamps with the stated uncertainty. A lamp is reported with a probability below 5e-4, so fewer
-    /// than 10 reports are expected in 2,000 sets. The limit of 20 is three standard deviations higher.
+    /// Ten lamps have deviations that agree with their stated uncertainty. Each lamp is reported with a probability
+    /// below 5e-4, so at most 10 reports are expected in 2,000 sets. The limit of 20 is three standard deviations
+    /// higher.
     #[test]
     fn lamps_within_their_uncertainty_are_hardly_ever_reported() {
         let seeds = Seeds { camera: 8, shot: 0, sequence: 0 };
@@ -306,8 +318,8 @@ mod tests {
         assert!(off <= 20 && scattered <= 10 && widened <= 150, "{off} {scattered} {widened}");
     }
 
-    /// The stated uncertainty is a fifth of the true one. The widened uncertainty covers the true one in nearly all
-    /// sets.
+    /// The stated uncertainty is a fifth of the true one. In nearly all sets, the widened uncertainty covers the
+    /// true deviations.
     #[test]
     fn uncertainties_that_are_stated_too_small_are_widened() {
         let seeds = Seeds { camera: 9, shot: 0, sequence: 0 };

@@ -1,4 +1,4 @@
-//! Moving scenes, and recordings with the fixed pattern of another sensor.
+//! Moving scenes, and recordings whose fixed pattern belongs to another sensor.
 
 use crate::faults::fault::{Fault, FaultKind};
 use crate::recordings::recorded_scene::RecordedScene;
@@ -7,11 +7,11 @@ use crate::thresholds::{MAX_FOREIGN_CORRELATION, MIN_OWN_CORRELATION};
 use spikelane_calibrate::LightLevel;
 use spikelane_calibrate::unstable::{SATURATION_RATE, pattern_correlation};
 
-/// Returns a fault if the scene of a recording under constant light moves between its halves.
+/// Returns a fault if the scene of a recording under constant light moves between the two halves of the recording.
 pub(super) fn motion_fault(scene: &RecordedScene, scan: &Scan) -> Option<Fault> {
     let share = match &scene.static_scene {
         Some(static_scene) => static_scene.moving_share,
-        // Without light nothing visible can move. The few spikes of the dark current form patches by chance.
+        // Without light, no visible motion exists. The few spikes of the dark current can form patches by chance.
         None if scene.max_light() == 0.0 => None,
         None => Some(scan.motion(scene.readouts)).filter(|m| m.is_moving).map(|m| m.moving_share),
     };
@@ -24,7 +24,8 @@ pub(super) fn motion_fault(scene: &RecordedScene, scan: &Scan) -> Option<Fault> 
     })
 }
 
-/// Returns the lit levels whose pattern differs from that of the others, if most of the others have a common pattern.
+/// Returns a fault for each lit level whose fixed pattern differs from the pattern of the other levels. Returns
+/// none if fewer than two levels, or fewer than half of them, have a common pattern.
 pub(super) fn foreign_patterns(levels: &[(usize, LightLevel)], width: usize) -> Vec<(usize, Fault)> {
     let usable: Vec<&(usize, LightLevel)> =
         levels.iter().filter(|(_, l)| l.light > 0.0 && l.median_rate() <= SATURATION_RATE).collect();

@@ -10,10 +10,10 @@ use crate::thresholds::{
 use spikelane_calibrate::LightLevel;
 use spikelane_measure::SpectralLine;
 
-/// Returns the levels whose light drifts, if at least half of the lit levels are steady. If most levels drift
-/// together, the cause is the camera or a common lamp, and the search for effects examines it.
+/// Returns a fault for each level whose light drifts, if at least half of the lit levels are steady. If most levels
+/// drift together, the cause is the camera or a common lamp. The search for effects then examines the drift.
 pub(super) fn drift_faults(levels: &[(usize, LightLevel)]) -> Vec<(usize, Fault)> {
-    // A change of the dark current is part of the change of every level.
+    // The change of every level contains the change of the dark current.
     let dark = levels
         .iter()
         .find(|(_, l)| l.light == 0.0)
@@ -28,7 +28,7 @@ pub(super) fn drift_faults(levels: &[(usize, LightLevel)]) -> Vec<(usize, Fault)
         .filter_map(|(k, l)| own_change(l).map(|(change, error)| (*k, l, change, error)))
         .collect();
     let is_steady = |change: f64, error: f64| change.abs() < MAX_STEADY_CHANGE.max(3.0 * error);
-    // Changes within two standard deviations count as zero.
+    // A change that is smaller than two standard deviations counts as zero.
     let steady_changes: Vec<f64> =
         lit.iter().filter(|l| is_steady(l.2, l.3)).map(|l| (l.2.abs() - 2.0 * l.3).max(0.0)).collect();
     if steady_changes.len() < 2 || 2 * steady_changes.len() < lit.len() {
@@ -49,20 +49,22 @@ pub(super) fn drift_faults(levels: &[(usize, LightLevel)]) -> Vec<(usize, Fault)
     lit.iter().filter(drifts_alone).map(fault).collect()
 }
 
-/// An oscillation of a recording.
+/// An oscillation of the light in one recording. `depth` is the relative amplitude.
 struct Oscillation {
     recording: usize,
     hz: f64,
     depth: f64,
 }
 
-/// Returns a fault of the recording whose light oscillates. If other recordings oscillate too, the fault belongs to
-/// the set.
+/// Returns a fault for the strongest oscillation of the light. If no other of at least three bright recordings
+/// oscillates at this frequency, or if the scene is static, the fault belongs to this recording. Otherwise it
+/// belongs to the whole set.
 pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<usize>, Fault)> {
     let bright_recordings: Vec<usize> = (0..scans.len())
         .filter(|k| {
             let scene = &setup.recordings[*k];
-            // The rates of a static scene differ, so few of its pixels have a common line.
+            // The pixels of a static scene have different rates, so their firing does not cause a common line in
+            // the spectrum.
             scene.is_constant() && (scene.static_scene.is_some() || scene.brightness() >= MIN_LINE_LIGHT)
         })
         .collect();
@@ -86,7 +88,8 @@ pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<u
         strongest.hz,
         100.0 * strongest.depth
     );
-    // No effect is searched in a static scene whose light oscillates: its statistics do not separate the light from the camera.
+    // The statistics of a static scene do not separate an oscillation of the light from effects of the camera. The
+    // recording is therefore excluded.
     let is_static = setup.recordings[strongest.recording].static_scene.is_some();
     if is_static || similar.len() == 1 && bright_recordings.len() >= 3 {
         let name = setup.recordings[strongest.recording].file_name();
@@ -95,8 +98,9 @@ pub(super) fn oscillation_faults(setup: &Setup, scans: &[Scan]) -> Vec<(Option<u
     vec![(None, Fault::of_set(FaultKind::LightFlicker, words))]
 }
 
-/// Returns the frequency of the most prominent line in cycles per readout, and the relative depth of the oscillation.
-/// Beats of the pixels are not oscillations.
+/// Returns the frequency of the most prominent line in cycles per readout, and the relative depth of the
+/// oscillation. Returns `None` if no line is prominent, or if the line is a beat between the firing rates and the
+/// readouts.
 fn strongest_oscillation(scan: &Scan) -> Option<(f64, f64)> {
     let power = power(&scan.totals);
     let (frequency, ratio) = line(&power, scan.totals.len());
@@ -106,13 +110,15 @@ fn strongest_oscillation(scan: &Scan) -> Option<(f64, f64)> {
     let n = scan.totals.len() as f64;
     let mean = scan.totals.iter().map(|c| f64::from(*c)).sum::<f64>() / n.max(1.0);
     let at = power.get((frequency * n).round() as usize)?;
-    // Pixels with nearly equal rates fire together. Near one spike per readout, they cause a slow beat.
+    // Pixels with nearly equal rates fire together. If the rate is near one spike per readout, this causes a slow
+    // beat.
     let rates: Vec<f64> = scan.pixels.iter().map(|p| p.rate).collect();
     let found = SpectralLine { frequency, power: *at, prominence: ratio };
     if found.harmonic_of(&rates, 1.0 / n).is_some() {
         return None;
     }
-    // An oscillation of depth `m` has `|F| = m mean n / 2`, and the power is `|F|^2 / (n mean)`.
+    // `m` is the depth, `n` the number of readouts and `mean` the mean number of spikes per readout. An oscillation
+    // has the Fourier coefficient `|F| = m mean n / 2` and the power `|F|^2 / (n mean)`.
     let depth = (4.0 * at / (n * mean)).sqrt();
     depth.is_finite().then_some((frequency, depth))
 }

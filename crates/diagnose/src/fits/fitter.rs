@@ -1,4 +1,4 @@
-//! The fit of a model to the statistics of one set, and the noise of events that cannot be located.
+//! The fit of a model to the statistics of one set, and the noise from events that cannot be located.
 
 use crate::events::locations::kind_index;
 use crate::fits::fit::Fit;
@@ -10,16 +10,17 @@ use crate::thresholds::EVENT_PAIRS;
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 
-/// Fits models to the data of one set. The other files of this module add its operations.
+/// Fits models to the data of one set. The other files of this module add methods.
 #[derive(Clone, Debug)]
 pub(crate) struct Fitter<'a> {
     pub reference: &'a NullModel,
-    /// Statistics of the set, at the light of the null model.
+    /// Statistics of the set, shifted by the lamp offsets of the null model (`NullModel::shifted`).
     pub data: DVector<f64>,
 }
 
 impl Fitter<'_> {
-    /// Simulates the mean of a fit from `count` simulations, unless it exists, and compares it with the data.
+    /// Computes the mean of a fit from `count` simulations and compares it with the data. Does nothing if `fit`
+    /// already contains this mean.
     pub(crate) fn evaluate(&self, fit: &mut Fit, count: usize) -> Result<()> {
         let known = if fit.at == fit.place() { std::mem::take(&mut fit.each) } else { Vec::new() };
         if known.len() >= count {
@@ -39,11 +40,12 @@ impl Fitter<'_> {
     }
 }
 
-/// Returns one column for each recording and kind of event: the change of its statistics per standard deviation of the number
-/// of events.
+/// Returns one column for each recording and each kind of event that cannot be located. A column is the change of
+/// the statistics of this recording per standard deviation of the number of events.
 ///
-/// A recording with six expected lost readouts has four or nine, and all of its statistics change together. If each statistic
-/// had this noise independently, a wrong event, which is also noisy, would be as likely as the right one.
+/// The number of events varies by chance: a recording with six expected lost readouts may have four or nine. All
+/// statistics of the recording then change together. If the noise of each statistic were independent instead, a
+/// wrong effect of the same kind would be as likely as the right one.
 pub(crate) fn unlocated_event_columns(reference: &NullModel, fit: &Fit) -> Result<DMatrix<f64>> {
     let mut columns = Vec::new();
     for (e, (effect, _)) in fit.effects.iter().enumerate() {
@@ -55,7 +57,8 @@ pub(crate) fn unlocated_event_columns(reference: &NullModel, fit: &Fit) -> Resul
         if scenes.is_empty() {
             continue;
         }
-        // The change is computed from half of the events, because twice the root of a count is not linear near zero.
+        // The change is the difference between all and half of the events. With fewer events, the statistics of
+        // counts would not be linear: each is twice the square root of a count.
         let mut fewer = fit.u.clone();
         fewer[j] *= 0.5;
         let fewer = reference.mean_of(&fit.model, &fewer, EVENT_PAIRS.min(fit.each.len()), Vec::new())?;
@@ -71,7 +74,8 @@ pub(crate) fn unlocated_event_columns(reference: &NullModel, fit: &Fit) -> Resul
     Ok(matrix(&columns, fit.mean.len()))
 }
 
-/// Returns the metric of the null model in which any number of events is no misfit.
+/// Returns the metric of the null model in which the number of events is free. A wrong number of events is then no
+/// misfit.
 pub(crate) fn metric_allowing_events(reference: &NullModel, events: &DMatrix<f64>) -> Result<Metric> {
     if events.is_empty() {
         return Ok(reference.metric.clone());

@@ -3,12 +3,14 @@
 use crate::thresholds::{CALIBRATION_INFORMATION, INTERVAL_QUANTILE, MIN_VARIANCE_SHARE};
 use spikelane::effects::definition::SearchScale;
 
-/// Returns the ends of the 95 % interval of a parameter that was found at `u`. Its standard deviation is `deviation`.
-/// The part `additive` of it does not depend on the true value.
+/// Returns the ends of the 95 % interval of a parameter that was fitted at position `u`. `deviation` is the
+/// standard deviation of the parameter. `additive` is the part of `deviation` that does not depend on the true
+/// value.
 ///
-/// The noise of a variance is partly proportional to it: the variance of 48 columns has a relative standard deviation
-/// of a fifth. A small estimate may therefore come from a larger variance. The interval contains every variance from
-/// which `u` deviates by at most [`INTERVAL_QUANTILE`] standard deviations of *that* variance (Fieller).
+/// The noise of a variance is partly proportional to the variance. For example, the variance of 48 columns has a
+/// relative standard deviation of 1/5. A small estimate may therefore come from a larger variance. The interval
+/// contains every true variance from which `u` deviates by at most [`INTERVAL_QUANTILE`] standard deviations,
+/// computed for this true variance (Fieller).
 pub(crate) fn interval(scale: SearchScale, u: f64, deviation: f64, additive: f64) -> [f64; 2] {
     if scale != SearchScale::Square || u <= 0.0 {
         return [u - INTERVAL_QUANTILE * deviation, u + INTERVAL_QUANTILE * deviation];
@@ -21,7 +23,8 @@ pub(crate) fn interval(scale: SearchScale, u: f64, deviation: f64, additive: f64
     [beyond / (u + root(1.0 - share)), (u + root(kept)) / kept]
 }
 
-/// Returns the standard deviation of a base parameter from the data alone. `deviation` includes the prior.
+/// Returns the standard deviation of a base parameter without the prior of the calibration. `deviation` includes
+/// the prior.
 pub(crate) fn of_data(deviation: f64) -> f64 {
     (deviation.powi(-2) - CALIBRATION_INFORMATION).max(1e-6).powf(-0.5)
 }

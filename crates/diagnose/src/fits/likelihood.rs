@@ -1,4 +1,4 @@
-//! The likelihood of data under a fitted model with its own noise.
+//! The likelihood of data under a fitted model that has its own noise.
 
 use crate::light::offsets::columns;
 use crate::null_model::metric::{Metric, Noise};
@@ -8,18 +8,20 @@ use crate::thresholds::{MIN_WIDER_VARIANCE, PRIOR_SIMULATIONS};
 use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 
-/// The noise of a fitted model. Rare events and strong noise make sets differ by more than the noise of the null model.
+/// The noise of a fitted model. Sets with rare events or strong noise differ from each other by more than the noise
+/// of the null model.
 #[derive(Clone, Debug)]
 pub(crate) struct Likelihood {
     pub metric: Metric,
-    /// Noise of sensors at known light, including the noise of the numbers of events.
+    /// Noise of sensors whose light is known, including the noise from random numbers of events.
     pub noise_without_lamps: Noise,
     /// Logarithm of the determinant of the noise, relative to the null model.
     pub log_volume: f64,
 }
 
 impl Likelihood {
-    /// Returns the likelihood of a model with these simulations. `events` are the changes by the numbers of events.
+    /// Returns the likelihood of a model with the given simulations. `events` contains the changes per standard
+    /// deviation of the numbers of events.
     pub(crate) fn of(
         reference: &NullModel,
         simulations: &[DVector<f64>],
@@ -54,8 +56,8 @@ impl Likelihood {
     }
 }
 
-/// Returns the noise of simulations of a fitted model about `mean`, at known light. Returns `None` if it is that of the
-/// null model.
+/// Returns the noise of a fitted model whose light is known, from deviations of its simulations from `mean`.
+/// `freedom` is the number of degrees of freedom. Returns `None` if the noise equals that of the null model.
 pub(super) fn own_noise(
     reference: &NullModel,
     events: &DMatrix<f64>,
@@ -71,12 +73,13 @@ pub(super) fn own_noise(
     reference.noise_without_lamps.scaled(&factors)?.with_columns(events).map(Some)
 }
 
-/// Adds the noise of the lamps to a noise at known light.
+/// Adds the noise of the lamps to `noise`, the noise of sensors whose light is known.
 pub(super) fn with_lamps(reference: &NullModel, noise: &Noise) -> Result<Noise> {
     noise.with_columns(&columns(&reference.lamp_slopes, &reference.model))
 }
 
-/// Returns the standard deviation of each statistic, relative to the null model, or 1 if it hardly differs.
+/// Returns the standard deviation of each statistic, divided by that of the null model. Returns 1 for a statistic
+/// whose ratio is not significantly larger.
 fn factors(reference: &NullModel, residuals: &[DVector<f64>], freedom: f64) -> Vec<f64> {
     let factor = |j: usize| {
         let own = residuals.iter().map(|s| s[j].powi(2)).sum::<f64>();
@@ -87,8 +90,8 @@ fn factors(reference: &NullModel, residuals: &[DVector<f64>], freedom: f64) -> V
     (0..reference.spread.len()).map(factor).collect()
 }
 
-/// Returns `residual` without the part that the numbers of events explain. The columns do not overlap, so each is
-/// fitted alone.
+/// Returns `residual` without the part that deviating numbers of events explain. No two columns have a common
+/// statistic, so each column is fitted alone.
 fn without_events(noise: &Noise, residual: DVector<f64>, columns: &DMatrix<f64>) -> DVector<f64> {
     let weight = |i: usize| noise.covariance[(i, i)].recip();
     columns.column_iter().fold(residual, |residual, c| {

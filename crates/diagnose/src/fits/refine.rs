@@ -10,12 +10,13 @@ use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 
 impl Fitter<'_> {
-    /// Refines `fit` by at most `rounds` Gauss-Newton steps. Each mean has `count` simulations.
+    /// Refines `fit` by at most `rounds` Gauss-Newton steps. Each simulated mean has `count` simulations.
     pub(crate) fn refine(&self, mut fit: Fit, rounds: usize, count: usize) -> Result<Fit> {
         self.evaluate(&mut fit, count)?;
         let mut merit = Merit::of(self, &fit)?.here();
         for round in 0..rounds {
-            // A difference with common draws requires fewer simulations than a mean.
+            // A difference of simulations with common draws has less noise than a mean, so half of the simulations
+            // are sufficient.
             self.derive(&mut fit, count.div_ceil(2), Secant::Ahead)?;
             let Some((next, lower)) = self.line_search(&fit, merit, count)? else { break };
             let gained = merit - lower;
@@ -27,10 +28,12 @@ impl Fitter<'_> {
         Ok(fit)
     }
 
-    /// Returns the first step that reduces the merit: the whole step, the step of the effects alone, or a part of the
-    /// whole step. If an effect has an onset, the step of the effects alone is first. With fixed base parameters, the
-    /// draws agree with those of the base model, and the mean has less noise than a small move of the base parameters
-    /// gains.
+    /// Returns the first step that reduces the merit, or `None` if no step does. It tries the whole step, the step
+    /// of the effects alone, and 0.4 of the whole step.
+    ///
+    /// If an effect has an onset, it tries the step of the effects alone first. With fixed base parameters, the
+    /// simulations stay similar to those of the base model with the same draws. The noise of the mean is then
+    /// small. If the base parameters move a little, the noise increases by more than this move gains.
     fn line_search(&self, fit: &Fit, merit: f64, count: usize) -> Result<Option<(Fit, f64)>> {
         let off = &self.data - &fit.mean;
         let here = Merit::of(self, fit)?;
@@ -50,8 +53,9 @@ impl Fitter<'_> {
                 || step.rows(0, fit.base_knobs()).amax() > MIN_BASE_MOVE
         };
         let mut steps = [whole.clone(), wanted(fit.bounds_of_effects()), (whole.0 * 0.4, whole.1)];
-        // Base parameters would take over what the wrong slope of an effect with an onset leaves. Measured: a clamp at
-        // 1.257 thresholds was left at 1.249, at 70 times the cost, and a partial reset was named.
+        // Near the onset of an effect, its derivative is wrong. The base parameters would then compensate for the
+        // error. Measured: a clamp at 1.257 thresholds stayed at 1.249 with a 70 times higher cost, and a partial
+        // reset was named instead.
         if fit.sets_in() {
             steps.swap(0, 1);
         }
@@ -71,12 +75,12 @@ impl Fitter<'_> {
     }
 }
 
-/// The merit that the steps of a fit reduce: the squared distance from the data at the simulated light, plus the cost
-/// of that light.
+/// The merit that the steps of a fit reduce: the squared distance from the data at the simulated light, plus the
+/// cost of this light.
 ///
-/// A likelihood with all lamps integrated out uses derivatives far from the simulated light, where they do not hold.
-/// The rates then cost nothing, and the fit diverges. The merit integrates the lamps over a thousandth around the
-/// simulated light.
+/// A likelihood in which all lamps are integrated out uses the derivatives by the lamps far from the simulated
+/// light, where they do not hold. The rates then cost nothing, and the fit diverges. The merit therefore integrates
+/// over deviations of the lamps of at most [`SMALL_LAMP_DEVIATION`] from the simulated light.
 struct Merit<'a> {
     metric: Metric,
     /// Deviation of the data from the mean at the simulated light.
@@ -109,7 +113,8 @@ impl<'a> Merit<'a> {
         self.metric.square(&self.off) + price + self.log_volume
     }
 
-    /// Returns the expected merit after a step that changes the mean by `change` and moves the lamps to `deviations`.
+    /// Returns the expected merit after a step. The step changes the mean by `change` and moves the lamps to
+    /// `deviations`.
     fn after(&self, change: DVector<f64>, deviations: &[f64]) -> f64 {
         let moved = self.lamps.iter().zip(deviations);
         let price: f64 = moved.clone().map(|(lamp, e)| lamp.pull(*e).powi(2)).sum();

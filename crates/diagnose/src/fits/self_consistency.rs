@@ -18,26 +18,27 @@ use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// Noise, limits and errors from simulations of the fitted model.
+/// Noise, limits and standard deviations of a fitted model, from its own simulations.
 #[derive(Clone)]
 pub(crate) struct SelfConsistency {
     pub metric: Metric,
-    /// Median and standard deviation of the total misfit in the metric of the null model.
+    /// Median and standard deviation of the total misfit of these simulations, in the metric of the null model.
     pub floor: f64,
     pub floor_sd: f64,
-    /// Median of the misfit if any number of events is allowed.
+    /// Median of the total misfit in the metric in which the numbers of events are free.
     pub allowed_floor: f64,
-    /// Limits of sensors of this model.
+    /// Limits that sensors of this model hardly ever exceed.
     pub limits: Limits,
     pub mean: DVector<f64>,
     /// Standard deviation of each parameter.
     pub deviations: Vec<f64>,
-    /// The part of `deviations` that does not depend on the fitted value: the noise of the null model.
+    /// The part of `deviations` that does not depend on the fitted value. It comes from the noise of the null
+    /// model.
     pub additive: Vec<f64>,
 }
 
 impl SelfConsistency {
-    /// Returns the values of the base model.
+    /// Returns the values of the base model, which the null model contains already.
     pub(crate) fn of_base(reference: &NullModel) -> Self {
         let known = vec![CALIBRATION_INFORMATION; reference.model.knobs.len()];
         let deviations = roots(&reference.metric.clone().knowing(&known).covariance());
@@ -54,16 +55,17 @@ impl SelfConsistency {
     }
 }
 
-/// A simulation with redrawn parameters.
+/// A simulation whose parameters are drawn from their posterior.
 struct Redrawn {
     moved: DVector<f64>,
     vector: DVector<f64>,
-    /// Change of the vector by the deviations of the lamps.
+    /// Change of the vector by the drawn deviations of the lamps.
     by_lamps: DVector<f64>,
 }
 
 impl Fitter<'_> {
-    /// Compares the fitted model with simulations whose parameters are drawn from their posterior.
+    /// Simulates the fitted model with parameters that are drawn from their posterior. Computes the noise and the
+    /// limits of the model from these simulations.
     pub(crate) fn self_consistency(&self, fit: &mut Fit) -> Result<SelfConsistency> {
         let reference = self.reference;
         self.evaluate(fit, MEAN_SIMULATIONS)?;
@@ -89,7 +91,7 @@ impl Fitter<'_> {
             floor,
             floor_sd,
             allowed_floor: center(&allowed).0,
-            // The mean has noise, so the limits are widened.
+            // The mean of the model also has noise, so the limits are widened.
             limits: Limits {
                 misfit: (1.1 * gamma_limit(&strays.iter().map(|s| s[0]).collect::<Vec<_>>(), ALARM))
                     .max(reference.clean.limits.misfit),
@@ -105,8 +107,9 @@ impl Fitter<'_> {
         })
     }
 
-    /// Simulates the model with redrawn parameters. Parameters that the set hardly determines are redrawn within the
-    /// trust region, because beyond it the errors of the linear fit are not those of the fit.
+    /// Simulates the model with parameters that are drawn from their posterior. Draws are limited to the distance
+    /// over which the model is nearly linear ([`trust`]). Some parameters are hardly determined by the set, and the
+    /// linear fit would have other errors beyond this distance.
     fn redrawn(&self, fit: &Fit, known: &[f64]) -> Result<Vec<Redrawn>> {
         let reference = self.reference;
         let lamps = &fit.model.lamps;
@@ -133,7 +136,8 @@ impl Fitter<'_> {
         threads::try_map(0..REDRAWN_SIMULATIONS, one)
     }
 
-    /// Compares the fitted model with itself, and refits it as long as its own noise requests other parameters.
+    /// Compares the fitted model with its own simulations. Fits the model again as long as the new noise moves a
+    /// parameter of an effect by more than one standard deviation, and the cost decreases.
     pub(crate) fn converged(&self, fit: &mut Fit) -> Result<SelfConsistency> {
         let mut own = self.self_consistency(fit)?;
         for _ in 0..MAX_REFITS {
@@ -154,9 +158,11 @@ impl Fitter<'_> {
     }
 }
 
-/// Returns the standard deviation of each parameter by a parametric bootstrap of the last linear fit. Each redrawn
-/// sensor is fitted as the data are, and its parameters are known. The result includes noise that changes many
-/// statistics together, such as the random number of hot pixels of a sensor, which variances alone do not include.
+/// Returns the standard deviation of each parameter by a parametric bootstrap of the last linear fit. The
+/// parameters of each redrawn sensor are known, and each sensor is fitted like the data.
+///
+/// The result includes noise that changes many statistics together, for example the random number of hot pixels of
+/// a sensor. The variances of single statistics do not include such noise.
 fn missed(metric: &Metric, redrawn: &[Redrawn], mean: &DVector<f64>) -> Vec<f64> {
     let errors: Vec<DVector<f64>> =
         redrawn.iter().map(|r| metric.fit(&(&r.vector - mean)) - &r.moved).collect();

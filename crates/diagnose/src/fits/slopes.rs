@@ -1,4 +1,4 @@
-//! Derivatives of the statistics by the parameters of fitted effects.
+//! Derivatives of the statistics by the parameters of the fitted effects.
 
 use crate::fits::fit::{DerivativeOrigin, Fit};
 use crate::fits::fitter::Fitter;
@@ -14,17 +14,17 @@ use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// The positions of a difference quotient.
+/// The positions between which a derivative is computed as a difference quotient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Secant {
-    /// From the fitted position in one direction, with half of the simulations. If an effect has an onset, the slope is
-    /// too steep, and steps back are short.
+    /// The fitted position and a larger one. This requires only half of the simulations. If an effect has an onset,
+    /// the derivative is too large, so the next steps toward zero are too short.
     Ahead,
-    /// To both sides of the fitted position.
+    /// One position on each side of the fitted position.
     Around,
 }
 
-/// Returns the ends of a secant of length `h`.
+/// Returns the two positions of a difference quotient at `u`. Their distance is `h`.
 fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
     match secant {
         Secant::Ahead => [u, u + h],
@@ -32,7 +32,7 @@ fn ends(u: f64, h: f64, secant: Secant) -> [f64; 2] {
     }
 }
 
-/// Returns the step of the derivative by a knob.
+/// Returns the step of the derivative by a knob at position `u`.
 fn step(scale: SearchScale, u: f64) -> f64 {
     match scale {
         SearchScale::Log | SearchScale::LogComplement => 0.35,
@@ -40,14 +40,16 @@ fn step(scale: SearchScale, u: f64) -> f64 {
     }
 }
 
-/// Returns whether the parameters of the effects are near the positions of the derivatives.
+/// Returns whether the parameters of the effects are still near the positions at which the derivatives were
+/// computed.
 fn near(fit: &Fit) -> bool {
     let moved = |j: usize| (fit.u[j] - fit.taken.at[j]).abs() / step(fit.model.knobs[j].scale, fit.u[j]);
     fit.taken.at.len() == fit.u.len() && (fit.base_knobs()..fit.u.len()).all(|j| moved(j) <= MAX_SLOPE_MOVE)
 }
 
 impl Fitter<'_> {
-    /// Computes the derivatives by the knobs of the effects, with the draws of the simulations of the fit.
+    /// Computes the derivatives by the knobs of the effects. They use the same draws as the simulations of the fit,
+    /// so most of the noise cancels.
     pub(crate) fn derive(&self, fit: &mut Fit, count: usize, secant: Secant) -> Result<()> {
         let count = count.min(fit.each.len());
         let around = secant == Secant::Around;
@@ -64,7 +66,7 @@ impl Fitter<'_> {
                 (low, high) = (knob.clamped(high - h), high);
             }
             if low == high || fit.count(j).is_some() {
-                // The parameter is fixed by its range or by counted events.
+                // The range of the parameter, or a count of events, fixes the parameter.
                 return Ok(DVector::zeros(fit.mean.len()));
             }
             let at = |end: f64| -> Result<Vec<DVector<f64>>> {
@@ -90,8 +92,8 @@ impl Fitter<'_> {
         Ok(())
     }
 
-    /// Finds the statistics that each effect hardly changes. The result is reused while the effects are the same, until
-    /// twice as many simulations exist.
+    /// Finds the statistics that each effect hardly changes. The result is reused until the effects change or the
+    /// number of simulations doubles.
     fn tell_unmoved(&self, fit: &mut Fit) -> Result<()> {
         let n = fit.each.len();
         if fit.taken.unmoved.is_empty() || n >= 2 * fit.taken.told_by {
@@ -101,9 +103,9 @@ impl Fitter<'_> {
         Ok(())
     }
 
-    /// Returns the statistics that an effect hardly changes. A derivative of such a statistic is noise. The difference
-    /// of the whole effect shows this, a small step does not. The effects are examined one by one, because the changes
-    /// of several may cancel.
+    /// Returns the statistics that one effect hardly changes. The derivative of such a statistic is only noise. The
+    /// change by the whole effect shows these statistics, and the change by a small step does not. Each effect is
+    /// examined alone, because the changes by several effects may cancel.
     fn unmoved(&self, fit: &Fit, effect: usize) -> Result<Vec<usize>> {
         let n = fit.each.len();
         if n < MIN_CHANGE_SIMULATIONS || self.reference.spread.len() < MIN_CROWDED_STATISTICS {
@@ -121,13 +123,16 @@ impl Fitter<'_> {
     }
 }
 
-/// Returns the changes per unit of the base knobs at `fit`, or `None` if no effect couples the spreads of the base model. `count` is
-/// the number of pairs of simulations.
+/// Returns the derivatives by the base knobs at `fit`, or `None` if no effect couples the spreads of the base
+/// model. `count` is the number of pairs of simulations.
 ///
-/// If gain and dark current are correlated, the spread of the gain also changes the correlation of both maps: their covariance over
-/// the pixels is `c s_gain s_dark + s_threshold^2`. At `c = -0.8` the spread of the gain changes it four times as much as the
-/// spread of the thresholds. Without the effect it changes nothing. A fit with the derivatives of the base model was measured to
-/// halve the spread of the thresholds, and to report -0.78 (-0.85 to -0.71) for `c = -1`.
+/// If gain and dark current are correlated, the spread of the gain also changes the covariance of both maps. The
+/// covariance is `c s_gain s_dark + s_threshold^2`. Here `c` is the correlation, and each `s` is the spread of the
+/// named parameter. At `c = -0.8`, the spread of the gain changes the covariance four times as much as the spread
+/// of the thresholds does. At `c = 0`, it changes nothing.
+///
+/// Measured: a fit with the derivatives of the base model halved the spread of the thresholds. It reported -0.78
+/// (-0.85 to -0.71) for `c = -1`.
 pub(crate) fn coupled_base_jacobian(
     reference: &NullModel,
     fit: &Fit,

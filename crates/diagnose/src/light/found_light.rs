@@ -1,8 +1,10 @@
-//! Finds the light of each recording from its rate.
+//! Estimates the light of each recording from its rates.
 //!
-//! A simulated sensor at the stated light has other rates than the real one, because its lamps differ. The found light is only
-//! the point at which sensors are simulated: every fit knows the light as it was stated, with its uncertainty. A common
-//! factor of all rates may therefore stay in the lamps; a fit moves it to the gain.
+//! The lamps of the real recordings deviate from the stated light. A sensor that is simulated at the stated light
+//! therefore has other rates than the real sensor. The found light is the light at which the rates agree. It is
+//! used only to simulate sensors: every fit still uses the stated light and its uncertainty as the prior. A factor
+//! that is common to all rates may therefore be attributed to the lamps here. A later fit attributes it to the
+//! gain.
 
 use crate::null_model::vectors::average;
 use crate::recordings::scan::Scan;
@@ -20,8 +22,8 @@ use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::unstable::SATURATION_RATE;
 
-/// Moves the light of `setup`'s recordings to the light that their rates show. Returns whether a light changed by more than
-/// a thousandth.
+/// Sets the light of the recordings in `setup` to the light at which simulated rates agree with those of `scans`.
+/// Returns whether the relative light of a recording changed by more than [`MAX_UNCHANGED_LIGHT`].
 pub(crate) fn find_light(setup: &mut Setup, scans: &[Scan], camera: &Camera, seed: u64) -> Result<bool> {
     if setup.has_rate_maps || setup.only_still() {
         return Ok(false);
@@ -41,13 +43,13 @@ pub(crate) fn find_light(setup: &mut Setup, scans: &[Scan], camera: &Camera, see
     Ok(offsets(setup).iter().zip(&first).any(|(now, first)| (now - first).abs() > MAX_UNCHANGED_LIGHT))
 }
 
-/// Offsets of the light of all recordings, and the simulated rates there.
+/// The light offsets of all recordings, and the rates of simulated sensors at this light.
 struct Place {
     offsets: Vec<f64>,
     rates: DVector<f64>,
 }
 
-/// Mean rate of the pixels, without the outer twentieths.
+/// Returns the mean rate of the pixels without the lowest and the highest 5 %.
 fn rate(scan: &Scan) -> f64 {
     Spread::of(&scan.pixels.iter().map(|p| p.rate).collect::<Vec<_>>()).trimmed
 }
@@ -62,7 +64,7 @@ fn simulated_rates(setup: &Setup, camera: &Camera, seed: u64) -> Result<DVector<
     Ok(average(&threads::try_map(0..LIGHT_SENSORS[usize::from(has_sources)], one)?))
 }
 
-/// One step. Returns the largest change of a light.
+/// Makes one step of the search for the light. Returns the largest change of a relative light.
 fn step(setup: &mut Setup, measured: &[f64], here: &Place, before: Option<&Place>) -> f64 {
     let dark = setup.recordings.iter().zip(here.rates.iter()).find(|(r, _)| r.level() == Some(0.0));
     let dark = dark.map_or(0.0, |(_, rate)| *rate);
@@ -99,9 +101,9 @@ mod tests {
     use spikelane::spikes::Geometry;
     use spikelane_calibrate::Stimulus;
 
-    /// The lamps of a simulated sensor are found up to a common factor, because the mean gains of two sensors with 32x32
-    /// pixels differ by 5.8 % / 32 = 0.2 %. The mean dark currents differ by 1.2 % of 0.0045 spikes per readout, which are
-    /// 0.1 % of the rate in the dimmest light. The test detects errors of 0.3 %.
+    /// The light of each recording is found up to a common factor. The factor remains because the mean gains of two
+    /// sensors with 32x32 pixels differ by 5.8 % / 32 = 0.2 %. The mean dark currents differ by 1.2 % of 0.0045
+    /// spikes per readout. This is 0.1 % of the rate in the dimmest light. The test detects errors of 0.3 %.
     #[test]
     fn the_light_of_a_simulated_sensor_is_found() {
         let scene = |light| RecordedScene {

@@ -1,37 +1,41 @@
 //! The deviations of the light from the stated light, as independent parameters.
 //!
-//! The light of recording `k` is the stated light times `1 + e_k`. A recording without sources has a lamp of its own, and `e_k`
-//! is the deviation of this lamp. A recording with sources has `e_k = sum_s w_ks z_s + r_k`: `w_ks` is the share of source `s` in
-//! the stated light, `z_s` the deviation of the source in all recordings, and `r_k` the deviation from one recording to another.
+//! The light of recording `k` is the stated light times `1 + e_k`. If the set states no sources for the recording,
+//! the recording has its own lamp, and `e_k` is the deviation of this lamp.
+//!
+//! If the set states sources, `e_k = sum_s w_ks z_s + r_k`. Here `w_ks` is the share of source `s` in the stated
+//! light, and `z_s` is the deviation of source `s`, which is the same in all recordings. The last term `r_k` is a
+//! deviation of recording `k` alone, because a source does not repeat its light exactly.
 
 use crate::recordings::recorded_scene::RecordedScene;
 use crate::recordings::setup::Setup;
 use nalgebra::{DMatrix, DVector};
 
-/// What a deviation belongs to.
+/// The origin of a deviation of the light.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum LampKind {
     /// The lamp of one recording.
     Recording,
-    /// A source of one or several recordings.
+    /// A source that lights one or several recordings.
     Source(String),
-    /// The sources of one recording, from one recording to another.
+    /// The deviation of one recording that its sources do not have in common with other recordings.
     Repetition,
 }
 
-/// A relative deviation of the light.
+/// A relative deviation of the light that is independent of the others.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Lamp {
     pub kind: LampKind,
-    /// The recordings that it lights, each with its share of the stated light.
+    /// The recordings that have this deviation, each with the share of the deviating light in its stated light.
     pub shares: Vec<(usize, f64)>,
-    /// Standard deviation of the relative deviation, as it is known before the recordings are seen.
+    /// Standard deviation of the prior of this deviation.
     pub uncertainty: f64,
     /// The deviation at which sensors are simulated.
     pub offset: f64,
 }
 
-/// Returns the lamps and sources of all lit recordings, at the found light.
+/// Returns the independent deviations of all lit recordings: lamps, sources and repetitions. Their offsets are
+/// those of the found light.
 pub(crate) fn lamps_of(setup: &Setup) -> Vec<Lamp> {
     let scenes = &setup.recordings;
     let mut lamps: Vec<Lamp> = Vec::new();
@@ -76,14 +80,15 @@ impl Lamp {
     }
 }
 
-/// Returns the recordings of stated light above zero. The light of an unknown scene follows from its rates.
+/// Returns the indices of the recordings whose stated light is above zero. Static scenes of unknown light are
+/// excluded, because their light is estimated from their rates.
 fn lit(setup: &Setup) -> impl Iterator<Item = (usize, &RecordedScene)> {
     let is_lit = |(_, s): &(usize, &RecordedScene)| s.brightness() > 0.0 && s.static_scene.is_none();
     setup.recordings.iter().enumerate().filter(is_lit)
 }
 
-/// Moves the found light of recordings with sources to the sums of the sources that agree best with all recordings. Returns
-/// whether there are sources.
+/// Replaces the found light of each recording with sources by the sum of its sources. The deviations of the sources
+/// are those that agree best with the found light of all recordings. Returns whether the set has sources.
 pub(crate) fn sum_sources(setup: &mut Setup) -> bool {
     let lamps = lamps_of(setup);
     for (k, recording) in setup.recordings.iter_mut().enumerate() {
@@ -94,14 +99,14 @@ pub(crate) fn sum_sources(setup: &mut Setup) -> bool {
     lamps.iter().any(Lamp::is_source)
 }
 
-/// The deviation of recording `k` by its sources.
+/// Returns the relative deviation of recording `k` that its sources cause.
 fn summed(lamps: &[Lamp], k: usize) -> f64 {
     let of_lamp =
         |lamp: &Lamp| lamp.shares.iter().filter(|s| s.0 == k).map(|s| s.1 * lamp.offset).sum::<f64>();
     lamps.iter().filter(|lamp| lamp.is_source()).map(of_lamp).sum()
 }
 
-/// Fits the deviations of the sources to those of the recordings by least squares.
+/// Fits the deviations of the sources to the deviations `offsets` of the recordings by least squares.
 fn fit_sources(lamps: &mut [Lamp], offsets: &[f64]) {
     let mut sources: Vec<&mut Lamp> = lamps.iter_mut().filter(|lamp| lamp.is_source()).collect();
     if sources.is_empty() {
@@ -111,8 +116,9 @@ fn fit_sources(lamps: &mut [Lamp], offsets: &[f64]) {
     for (s, lamp) in sources.iter().enumerate() {
         lamp.shares.iter().for_each(|(k, share)| shares[(*k, s)] = *share);
     }
-    // If the recording of a source alone was excluded, sums may not separate the sources. The small ridge then chooses the
-    // least deviations.
+    // If the recording of a single source was excluded, the recordings with several sources may not determine each
+    // source. Many solutions then fit equally well. The small ridge selects the solution with the smallest
+    // deviations.
     let ridge = DMatrix::identity(sources.len(), sources.len()) * 1e-12;
     let right = shares.transpose() * DVector::from_column_slice(offsets);
     let Some(factor) = (shares.transpose() * &shares + ridge).cholesky() else { return };

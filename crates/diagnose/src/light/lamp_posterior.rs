@@ -1,24 +1,29 @@
-//! The deviations of the lamps after a fit, and their influence on the fitted numbers.
+//! The deviations of the lamps after a fit, and the influence of the lamps on the fitted parameters.
 
 use crate::null_model::metric::Metric;
 use nalgebra::{DMatrix, DVector};
 
-/// Deviations of the lamps, given the recordings.
+/// The posterior of the deviations of the lamps, given the recordings.
 pub(crate) struct LampPosterior {
     pub deviations: DVector<f64>,
     pub errors: Vec<f64>,
-    /// Covariance of each fitted number (rows) with each lamp, divided by the lamp's error: the change of the number if the
-    /// lamp is moved by its error.
+    /// Covariance of each fitted parameter (row) and each lamp (column), divided by the standard deviation of the
+    /// lamp. An element is the change of the parameter if the deviation of the lamp increases by its standard
+    /// deviation.
     pub impacts: DMatrix<f64>,
 }
 
 impl LampPosterior {
-    /// `metric` has the noise with lamps and the fitted numbers as directions. `off` is the difference of
-    /// the data and the mean of the model, and `moved` is the last step of the fitted numbers. `slopes` are the derivatives by each lamp.
+    /// Computes the posterior. `metric` has the noise that includes the lamps, and the derivatives by the fitted
+    /// parameters as directions. `off` is the difference between the data and the mean of the model. `moved` is the
+    /// last step of the fitted parameters. `slopes` contains the derivatives by the lamps.
     ///
-    /// With the marginal covariance `M = C + L U L^T` and the directions `D`, the posterior of the numbers has the covariance
-    /// `S = (D^T M^-1 D + K)^-1`. The lamps have the mean `U L^T M^-1 (off - D moved)` and the covariance
-    /// `U - U G U + U H^T S H U` with `G = L^T M^-1 L` and `H = D^T M^-1 L`. The covariance of both is `-S H U`.
+    /// `C` is the covariance of the noise at known light. `L` contains the derivatives by the lamps, and `U` is the
+    /// diagonal prior covariance of the lamps. `D` contains the directions. `K` is the prior information about the
+    /// parameters. With the marginal covariance `M = C + L U L^T`, the covariance of the parameters is `S = (D^T
+    /// M^-1 D + K)^-1`. The lamps have the mean `U L^T M^-1 (off - D moved)` and the covariance `U - U G U + U H^T
+    /// S H U`. Here, `G = L^T M^-1 L` and `H = D^T M^-1 L`. The covariance of the parameters and the lamps is `-S H
+    /// U`.
     pub(crate) fn new(
         metric: &Metric,
         slopes: &DMatrix<f64>,
@@ -54,8 +59,9 @@ mod tests {
     use spikelane::unstable::draws::pattern_rng::PatternRng;
     use spikelane::unstable::draws::{RandomStream, Seeds};
 
-    /// Eight statistics, two numbers and three lamps. The oracle inverts the joint information of numbers and lamps. The metric
-    /// adds a millionth to its diagonal, so results agree to about 1e-5.
+    /// Eight statistics, two parameters and three lamps. The expected values come from the inverse of the joint
+    /// information of parameters and lamps. The metric adds 1e-6 of the diagonal to its information, so both
+    /// results agree to about 1e-5.
     #[test]
     fn the_posterior_of_lamps_is_that_of_the_joint_normal_law() {
         let seeds = Seeds { camera: 4, shot: 0, sequence: 0 };

@@ -1,8 +1,8 @@
 //! Simulations of the base model.
 //!
-//! [`Baseline::first`] makes a few. They suffice to recognize a set that agrees with the model. [`Baseline::complete`]
-//! makes the others, which a search for effects requires. Simulations are identified by their seeds, so a complete
-//! baseline does not depend on the first step.
+//! [`Baseline::first`] makes a few simulations. They are sufficient to recognize a set that agrees with the model.
+//! [`Baseline::complete`] makes the others, which a search for effects requires. The seed of a simulation is
+//! determined by its index, so a complete baseline does not depend on the number of first simulations.
 
 use std::sync::atomic::AtomicUsize;
 
@@ -23,17 +23,18 @@ use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::ProgressCallback;
 
-/// Simulations of a derivative in the first step. A base number differs from its calibrated value by one or two of its
-/// standard deviations. The noise of the derivative is multiplied by that only.
+/// Returns the number of simulations per derivative in the first step. Few are sufficient: a base parameter differs
+/// from its calibrated value by only one or two of its standard deviations. The noise of the derivative is
+/// multiplied by this difference.
 fn first_pairs(setup: &Setup) -> usize {
     pairs(setup).div_ceil(6)
 }
 
-/// A camera, and its existing simulations.
+/// A camera, and those of its simulations that already exist.
 #[derive(Clone, Debug)]
 pub(crate) struct StartingCamera {
     pub camera: Camera,
-    /// Vectors of the first seeds.
+    /// Vectors of the simulations with the first seeds.
     pub vectors: Vec<DVector<f64>>,
     pub changes: Changes,
     pub context: SimulationContext,
@@ -53,30 +54,31 @@ pub(crate) struct Baseline {
     pub model: Model,
     pub seed: u64,
     pub statistics: Vec<DiagnosticStatistic>,
-    /// Smallest relevant deviation of each statistic.
+    /// Smallest relevant deviation of each statistic, independent of the noise.
     pub floors: Vec<f64>,
-    /// Vectors of sensors with the parameters of the model.
+    /// Vectors of sensors with exactly the parameters of the model.
     pub vectors: Vec<DVector<f64>>,
-    /// Changes of the first vectors by each candidate.
+    /// Each candidate, with the changes that it causes in the first vectors.
     pub signatures: Vec<(Candidate, Vec<DVector<f64>>)>,
     /// Effects that the set cannot show at any strength.
     pub missing: Vec<&'static Definition>,
-    /// Vectors of an earlier fit.
+    /// Vectors that an earlier fit of the base parameters simulated.
     existing: Vec<DVector<f64>>,
     changes: Changes,
-    /// Changes per unit of each lamp's deviation in the first vectors.
+    /// Changes of the first vectors per unit of the deviation of each lit recording.
     lamp_changes: Vec<Vec<DVector<f64>>>,
 }
 
-/// Shares of the whole time at which the first step begins and ends, and at which the sensors are complete.
+/// Progress of the diagnosis at the start and at the end of the first step. `SENSORS_DONE` is the progress when the
+/// sensors of the base model are complete. All values are shares of the total time.
 const FIRST_STAGE: (f64, f64) = (0.03, 0.25);
 pub(super) const SENSORS_DONE: f64 = 0.48;
 
-/// Share of the whole time at which the null model is complete.
+/// Progress of the diagnosis when the null model is complete, as a share of the total time.
 pub(super) const NULL_MODEL_DONE: f64 = 0.8;
 
 impl Baseline {
-    /// Makes the first simulations.
+    /// Makes the first simulations of the base model, its derivatives and the signatures.
     pub(crate) fn first(
         setup: Setup,
         start: StartingCamera,
@@ -117,7 +119,7 @@ impl Baseline {
         Ok(baseline)
     }
 
-    /// Makes the simulations that a search requires, with `signature_draws` of each candidate.
+    /// Makes all further simulations that a search requires. Each signature then has `signature_draws` simulations.
     pub(crate) fn complete(&mut self, signature_draws: usize, progress: ProgressCallback<'_>) -> Result<()> {
         let all = pairs(&self.setup);
         let pieces = SENSORS.saturating_sub(self.vectors.len())
@@ -127,7 +129,8 @@ impl Baseline {
         watched(&stage, progress, |done| self.extend([all, SENSORS, all, signature_draws], done))
     }
 
-    /// Simulates up to these numbers of lamp draws, sensors, pairs of a derivative, and draws of a signature.
+    /// Adds simulations until these numbers exist: lamp draws, sensors, pairs per derivative, and draws per
+    /// signature.
     fn extend(
         &mut self,
         [lamp_draws, sensors, pairs, signature_draws]: [usize; 4],
@@ -159,7 +162,7 @@ impl Baseline {
         if known_pairs < pairs {
             self.changes.extend(changes(setup, model, seed, vectors, known_pairs..pairs, done)?);
         }
-        // The first step skips the opposite sign of an effect, because its score has the same size.
+        // The first step omits an effect of the opposite sign, because the size of its score is the same.
         let is_first = sensors < SENSORS;
         let is_skipped = |i: usize| {
             is_first && signatures[..i].iter().any(|earlier| is_mirrored(&earlier.0, &signatures[i].0))
@@ -184,12 +187,12 @@ impl Baseline {
         spread(&self.vectors)
     }
 
-    /// Returns the changes per unit of each base parameter.
+    /// Returns the derivatives of the statistics by each base parameter.
     pub(super) fn jacobian(&self) -> DMatrix<f64> {
         self.changes.jacobian(&self.model, &self.spread())
     }
 
-    /// Returns the changes per unit of the deviation of each lamp.
+    /// Returns the derivatives of the statistics by the deviation of each lamp.
     pub(super) fn lamp_slopes(&self) -> DMatrix<f64> {
         slopes_of_lamps(&self.lamp_changes, &self.model, self.statistics.len())
     }

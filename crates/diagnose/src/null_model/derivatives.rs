@@ -30,21 +30,21 @@ pub(crate) fn step(knob: &Knob) -> f64 {
     find_base_knob(knob).map_or(0.2, |number| number.step)
 }
 
-/// A simulation of the base model: its vector, and the change of the vector per unit of the light of each lit
-/// recording.
+/// A simulated sensor of the base model: its vector, and the derivative of the vector by the relative light of each
+/// lit recording.
 pub(crate) struct SimulatedVectors {
     pub vector: DVector<f64>,
     pub lamps: Vec<DVector<f64>>,
 }
 
-/// Returns the lit recordings in ascending order.
+/// Returns the indices of the lit recordings in ascending order.
 pub(crate) fn lit(model: &Model) -> Vec<usize> {
     let all = model.lamps.iter().flat_map(|lamp| lamp.shares.iter().map(|(k, _)| *k));
     all.collect::<BTreeSet<usize>>().into_iter().collect()
 }
 
-/// Simulates the vector and its changes by the light. For each change, only one recording is simulated again, and none
-/// if all vectors are cached.
+/// Simulates the vector of a sensor and its derivatives by the relative light of each lit recording. Each
+/// derivative requires a new simulation of one recording only. If all vectors are cached, nothing is simulated.
 pub(crate) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<SimulatedVectors> {
     let still = model.sample(&[], &[])?;
     if model.lamps.is_empty() {
@@ -74,8 +74,8 @@ pub(crate) fn with_lamps(setup: &Setup, model: &Model, seed: u64) -> Result<Simu
     Ok(SimulatedVectors { vector: plain, lamps })
 }
 
-/// Returns the changes per unit of the deviation of each lamp. `all` contains, for each simulation, the changes per
-/// unit of the light of each lit recording.
+/// Returns the derivatives of the statistics by the deviation of each lamp. Each element of `all` belongs to one
+/// simulation and contains the derivatives by the relative light of each lit recording.
 pub(crate) fn slopes_of_lamps(all: &[Vec<DVector<f64>>], model: &Model, entries: usize) -> DMatrix<f64> {
     let lit = lit(model);
     let of_recording = |i: usize| average(&all.iter().map(|c| c[i].clone()).collect::<Vec<_>>());
@@ -93,8 +93,8 @@ pub(crate) fn slopes_of_lamps(all: &[Vec<DVector<f64>>], model: &Model, entries:
     matrix(&model.lamps.iter().map(column).collect::<Vec<_>>(), entries)
 }
 
-/// Returns the changes by a step of each base parameter for the draws `seeds`. `baseline` contains the vectors without
-/// the step.
+/// Returns the changes of the vector by one step of each base parameter, for the draws with the numbers `seeds`.
+/// `baseline` contains the vectors without the step.
 pub(crate) fn changes(
     setup: &Setup,
     model: &Model,
@@ -122,12 +122,13 @@ fn stepped(model: &Model, j: usize) -> Vec<f64> {
     u
 }
 
-/// Changes by steps of the base parameters, by parameter and simulation.
+/// Changes of the vector by one step of each base parameter. The first index is the parameter, and the second index
+/// is the simulation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Changes(Vec<Vec<DVector<f64>>>);
 
 impl Changes {
-    /// Returns the number of simulations of each change.
+    /// Returns the number of simulations per parameter.
     pub(crate) fn count(&self) -> usize {
         self.0.first().map_or(0, Vec::len)
     }
@@ -141,7 +142,7 @@ impl Changes {
         self.0.iter_mut().zip(more.0).for_each(|(own, more)| own.extend(more));
     }
 
-    /// Returns the changes per unit of each base knob.
+    /// Returns the derivatives of the statistics by each base knob.
     pub(crate) fn jacobian(&self, model: &Model, spread: &[f64]) -> DMatrix<f64> {
         let column = |(j, all): (usize, &Vec<DVector<f64>>)| {
             shrink(average(all), spread, all.len()) / step(&model.knobs[j])
@@ -157,7 +158,8 @@ mod tests {
     use spikelane::spikes::Geometry;
     use spikelane_calibrate::Stimulus;
 
-    /// What is kept of a moved lamp is known by its sample alone, and must be that sample's vector.
+    /// The cache stores the vector of a moved lamp under its sample. The vector must therefore equal a simulation
+    /// of all recordings of this sample.
     #[test]
     fn a_lamp_moves_its_own_recording_as_a_simulation_of_all_says() {
         let scene = |light| RecordedScene {

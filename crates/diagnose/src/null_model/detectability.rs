@@ -1,4 +1,4 @@
-//! The smallest detectable strength of each effect.
+//! Estimates the smallest detectable strength of each effect.
 
 use crate::fits::fit::Fit;
 use crate::null_model::model::NullModel;
@@ -10,17 +10,19 @@ use nalgebra::DVector;
 use spikelane::effects::{Definition, EventKind};
 use spikelane::error::Result;
 
-/// Efficient score at which an effect counts as detectable.
+/// Smallest efficient score, in standard deviations, at which an effect counts as detectable.
 pub const DETECTION_SCORE: f64 = 5.0;
 
-/// The smallest strength at which an effect can be distinguished from calibration and from its nearest rival.
+/// The smallest strength at which an effect can be distinguished from a change of the calibrated parameters and
+/// from the most similar other effect.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Detectability {
     /// Canonical name of the effect.
     pub name: &'static str,
-    /// Key of its strength.
+    /// Key of the parameter that is the strength of the effect.
     pub parameter: &'static str,
-    /// Smallest detectable strength, as a difference from the value without the effect, in the parameter's unit.
+    /// Smallest detectable strength. It is the difference from the value without the effect, in the unit of the
+    /// parameter.
     pub strength: f64,
     /// The most similar other effect.
     pub nearest_candidate: &'static str,
@@ -31,8 +33,9 @@ pub struct Detectability {
 impl NullModel {
     /// Returns the smallest detectable strength of every effect.
     ///
-    /// It is the median over the shapes that are tried, or the largest value for effects with a frequency. Lengths
-    /// and angles come from products of different simulations, so that their noise averages out.
+    /// The strength is the median over the tried shapes of the effect, for example time constants. For effects with
+    /// a frequency, it is the largest value. Squared lengths and cosines come from products of two different
+    /// simulations, so their noise averages out.
     #[must_use]
     pub fn detectabilities(&self) -> Vec<Detectability> {
         self.effects().into_iter().filter_map(|effect| self.detectability_of(effect)).collect()
@@ -46,7 +49,7 @@ impl NullModel {
         effects
     }
 
-    /// Returns the effects that this set cannot show.
+    /// Returns the names of the effects that this set cannot show at any strength.
     pub(crate) fn not_testable(&self) -> Vec<&'static str> {
         let strongest = |effect: &&'static Definition| {
             let own = self.signatures.iter().filter(|s| s.candidate.effect == *effect);
@@ -57,7 +60,7 @@ impl NullModel {
         weak.chain(self.missing.iter().copied()).map(|effect| effect.name).collect()
     }
 
-    /// Returns the smallest detectable strength of an effect, or `None` if its signature is lost in its own noise.
+    /// Returns the smallest detectable strength of an effect. Returns `None` if the noise hides its signatures.
     pub(crate) fn detectability_of(&self, effect: &'static Definition) -> Option<Detectability> {
         let mut found: Vec<Detectability> = Vec::new();
         for tried in self.signatures.iter().filter(|s| s.candidate.effect == effect) {
@@ -82,15 +85,15 @@ impl NullModel {
         let fewest = self.fewest(effect);
         found.iter_mut().for_each(|f| f.strength = f.strength.max(fewest));
         found.sort_by(|a, b| a.strength.total_cmp(&b.strength));
-        // The noise decreases strongly with the frequency, so the median does not represent the other frequencies. The
-        // largest strength is used.
+        // The noise decreases strongly with the frequency, so no median represents all frequencies. The largest
+        // strength is used instead.
         let is_line = effect.searched_params().any(|(_, tried)| tried.is_frequency);
         let of_all = if is_line { found.len().saturating_sub(1) } else { found.len() / 2 };
         (!found.is_empty()).then(|| found.swap_remove(of_all))
     }
 
-    /// Returns the effects whose signatures explain at least half of the change by `change` of the base parameters, the
-    /// most similar first. Effects of `fit` are excluded.
+    /// Returns the effects that resemble a move of the base parameters by `change`, the most similar first. The
+    /// signature of each explains at least half of the change of the statistics. Effects of `fit` are excluded.
     pub(crate) fn effects_like(&self, change: &DVector<f64>, fit: &Fit) -> Vec<&'static str> {
         let moved = &self.jacobian * change;
         let dual = self.noise.solve_vector(&moved);
@@ -113,7 +116,8 @@ impl NullModel {
         names
     }
 
-    /// Returns the smallest strength at which events of whole readouts or pixels are expected to occur.
+    /// Returns the smallest strength at which the recordings are expected to contain [`MIN_EXPECTED_EVENTS`] events
+    /// of the effect. Returns 0 for an effect without events.
     fn fewest(&self, effect: &Definition) -> f64 {
         let readouts: usize = self.setup.recordings.iter().map(|s| s.readouts).sum();
         match effect.event_kind {
@@ -125,8 +129,8 @@ impl NullModel {
         }
     }
 
-    /// Returns the most similar effect and the cosine of both signatures. The cosine is bounded, because effects that
-    /// nothing separates are ties if they are found.
+    /// Returns the most similar other effect and the cosine of both signatures. The cosine is limited to
+    /// [`MAX_PROJECTED_COSINE`]. Effects that nothing separates are reported as ambiguous when they are found.
     fn nearest(&self, own: &Signature) -> (&'static str, f64) {
         let square = self.square(own);
         let alike = |rival: &Signature| {
@@ -143,8 +147,8 @@ impl NullModel {
         nearest.map_or(("", 0.0), |(a, n)| (n, a.clamp(-MAX_PROJECTED_COSINE, MAX_PROJECTED_COSINE)))
     }
 
-    /// Returns the signature at a strength near the smallest detectable one, because few effects are linear over
-    /// decades.
+    /// Returns the signature at a strength that is closer to the smallest detectable one. Few effects are linear
+    /// over several powers of ten.
     fn weakened(&self, tried: &Signature) -> Result<Signature> {
         let mut signature = tried.clone();
         for _ in 0..4 {
@@ -163,9 +167,12 @@ impl NullModel {
         Ok(signature)
     }
 
-    /// Returns the position at which a signature has the small part `share` of its length. A straight line from zero
-    /// would promise too much of an effect with an onset, such as a clamp. At three times the position, the effect must
-    /// therefore have at least half of the length of the line. Otherwise the result is the position where it does.
+    /// Returns the position at which the length of a signature is the small share `share` of its present length.
+    ///
+    /// The effect of an onset, such as a clamp, grows less than linearly at small strengths. A straight line from
+    /// zero would then promise a signature that is too long. The effect must therefore have at least half of the
+    /// promised length at three times the position. Otherwise, the result is the smallest position at which it has
+    /// this length.
     fn onset(&self, weak: &Signature, share: f64) -> Result<f64> {
         let (mut low, mut high) = (3.0 * share, 1.0);
         let promised = self.square(weak) * low * low;
@@ -184,13 +191,13 @@ impl NullModel {
         Ok(weak.candidate.at[0] * high)
     }
 
-    /// Returns the amplitude at which an effect is absent.
+    /// Returns the value of the strength parameter at which the effect is absent.
     pub(crate) fn neutral_of(&self, name: &str) -> Option<f64> {
         let own = self.signatures.iter().find(|s| s.candidate.effect.name == name)?;
         Some(own.candidate.knobs[0].value(0.0))
     }
 
-    /// Returns the largest magnitude of the cosine between signatures of two effects.
+    /// Returns the largest absolute cosine between any signatures of two effects.
     pub(crate) fn cosine_of(&self, name: &str, other: &str) -> f64 {
         let of = |name: &str| -> Vec<&Signature> {
             self.signatures.iter().filter(|s| s.candidate.effect.name == name).collect()

@@ -1,4 +1,4 @@
-//! Limits of the deviations of clean sensors.
+//! Limits that the deviations of clean sensors hardly ever exceed. A clean sensor follows the base model.
 
 use crate::null_model::metric::{Metric, noise};
 use crate::null_model::posterior_draw::CleanSensor;
@@ -9,50 +9,53 @@ use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::unstable::chi_square_over_freedom;
 
-/// The level of limits.
+/// The confidence level of limits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LimitLevel {
     /// Probability that a clean sensor exceeds a limit.
     pub(super) probability: f64,
-    /// The upper quantile of the standard normal distribution at this probability.
+    /// Quantile of the standard normal distribution that is exceeded with this probability.
     normal_quantile: f64,
-    /// Factor of the total misfit's limit.
+    /// Factor by which the limit of the total misfit is raised.
     margin: f64,
     /// Whether each score is divided by its own standard deviation.
     has_own_score_sds: bool,
 }
 
-/// Limits of an alarm: if a value exceeds its limit, the model lacks something.
+/// Level of an alarm: if a value exceeds its limit, the model is missing an effect.
 pub(crate) const ALARM: LimitLevel =
     LimitLevel { probability: 0.001, normal_quantile: 3.09, margin: MISFIT_MARGIN, has_own_score_sds: false };
 
-/// Limits within which a set agrees after the first simulations.
+/// Level of agreement: a set whose values are within these limits agrees with the first simulations.
 pub(crate) const AGREEMENT: LimitLevel =
     LimitLevel { probability: 0.05, normal_quantile: 1.645, margin: 1.0, has_own_score_sds: true };
 
-/// Limits of clean sensors. One of a thousand clean sensors exceeds a limit of a complete null model.
+/// Limits for the deviations of clean sensors. With a complete null model, one of a thousand clean sensors exceeds
+/// a limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
-    /// Total misfit.
+    /// Limit of the total misfit: the squared distance of all statistics from the model, without the directions
+    /// that calibration fits.
     pub misfit: f64,
-    /// Largest deviation of one statistic, in standard deviations.
+    /// Limit of the largest deviation of one statistic, in standard deviations.
     pub deviation: f64,
-    /// Largest score of a candidate.
+    /// Limit of the largest score of a candidate. A score is the component of the deviation along a signature, in
+    /// standard deviations.
     pub score: f64,
 }
 
-/// Limits and noise floor of clean sensors.
+/// Limits and noise floor for clean sensors.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Clean {
     pub limits: Limits,
-    /// Median and standard deviation of the total misfit.
+    /// Median (the noise floor) and standard deviation of the total misfit of clean sensors.
     pub floor: f64,
     pub floor_sd: f64,
     /// Standard deviation of the score of each signature; empty if all are 1.
     pub(super) score_sds: Vec<f64>,
 }
 
-/// Simulations of the base model.
+/// The quantities of the base model that the limits require.
 pub(crate) struct Base<'a> {
     pub mean: &'a DVector<f64>,
     /// Changes per unit of the base knobs.
@@ -61,7 +64,8 @@ pub(crate) struct Base<'a> {
 }
 
 impl Clean {
-    /// Computes the limits by cross-validation: the noise of the other sensors judges each part of the sensors.
+    /// Computes the limits by cross-validation. The sensors are divided into [`LIMIT_FOLDS`] parts, and each part
+    /// is judged by the noise of the other parts.
     pub(crate) fn new(
         sensors: &[CleanSensor],
         residuals: &[DVector<f64>],
@@ -90,7 +94,7 @@ impl Clean {
         let scores: Vec<f64> = all.iter().map(|s| s.largest_score(&score_sds)).collect();
         let (floor, floor_sd) = center(&misfits);
         let limits = Limits {
-            // Two simulators of one camera differ in their last digits.
+            // The factor is needed because two simulators of the same camera do not agree in all digits.
             misfit: level.margin * gamma_limit(&misfits, level),
             deviation: gumbel_limit(&deviations, level),
             score: gumbel_limit(&scores, level),
@@ -99,8 +103,8 @@ impl Clean {
     }
 }
 
-/// Returns the standard deviation of the score of each signature, at least 1. Noise from few simulations has few
-/// correlations, and scores by it have larger standard deviations.
+/// Returns the standard deviation of the score of each signature, at least 1. Noise that is estimated from few
+/// simulations lacks most correlations. The standard deviations of scores then exceed 1.
 fn score_sds(all: &[Strays]) -> Vec<f64> {
     let sensors = all.len() as f64;
     let square = |k: usize| all.iter().map(|s| s.scores[k].powi(2)).sum::<f64>();
@@ -108,13 +112,14 @@ fn score_sds(all: &[Strays]) -> Vec<f64> {
     (0..all.first().map_or(0, |s| s.scores.len())).map(sd).collect()
 }
 
-/// Deviations of a vector from the model.
+/// Deviations of one sensor from the model.
 pub(crate) struct Strays {
-    /// Total misfit.
+    /// Total misfit: the squared distance of all statistics from the model, without the directions that calibration
+    /// fits.
     pub misfit: f64,
-    /// Largest deviation of a statistic, in standard deviations.
+    /// Largest deviation of one statistic, in standard deviations.
     pub deviation: f64,
-    /// The score of each signature.
+    /// The score of each signature: the component of the deviation along the signature, in standard deviations.
     pub scores: Vec<f64>,
 }
 
@@ -129,20 +134,22 @@ impl Strays {
         }
     }
 
-    /// Returns the largest score. Each is divided by its standard deviation, if `sds` contains one.
+    /// Returns the largest score. Each score is divided by the standard deviation in `sds`, or by 1 if `sds` has no
+    /// such element.
     fn largest_score(&self, sds: &[f64]) -> f64 {
         let sds = sds.iter().copied().chain(std::iter::repeat(1.0));
         self.scores.iter().zip(sds).map(|(score, sd)| score / sd).fold(0.0, f64::max)
     }
 }
 
-/// Returns the total misfit, the largest deviation and the largest score of `off`.
+/// Returns the total misfit, the largest deviation of a statistic and the largest score for the deviation `off`.
 pub(crate) fn strays_by(metric: &Metric, off: &DVector<f64>, signatures: &[&Signature]) -> [f64; 3] {
     let strays = Strays::new(metric, off, signatures);
     [strays.misfit, strays.deviation, strays.largest_score(&[])]
 }
 
-/// Returns the component along `change` in standard deviations. `dual` is the dual vector in `metric`.
+/// Returns the absolute component of a deviation along `change`, in standard deviations. `dual` is the dual vector
+/// of the deviation ([`Metric::dual`]).
 pub(super) fn score_of(metric: &Metric, change: &DVector<f64>, dual: &DVector<f64>) -> f64 {
     let length = metric.square(change).sqrt();
     if length > 0.0 { (change.dot(dual) / length).abs() } else { 0.0 }
@@ -162,14 +169,14 @@ fn moments(values: &[f64]) -> (f64, f64) {
     (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0))
 }
 
-/// Returns the upper limit of a gamma distribution with the moments of `values`.
+/// Returns the limit of a gamma distribution that has the mean and the variance of `values`.
 pub(crate) fn gamma_limit(values: &[f64], level: LimitLevel) -> f64 {
     let (mean, variance) = moments(values);
     let freedom = 2.0 * mean * mean / variance.max(1e-12);
     mean * chi_square_over_freedom(freedom, level.normal_quantile)
 }
 
-/// Returns the upper limit of a Gumbel distribution with the moments of `values`.
+/// Returns the limit of a Gumbel distribution that has the mean and the variance of `values`.
 fn gumbel_limit(values: &[f64], level: LimitLevel) -> f64 {
     let (mean, variance) = moments(values);
     let beta = (6.0 * variance).sqrt() / std::f64::consts::PI;

@@ -1,4 +1,5 @@
-//! The distance of two vectors of statistics, without the directions that calibration fits.
+//! The distance between two vectors of statistics. Directions in which calibration moves the statistics do not
+//! count.
 
 use crate::null_model::vectors::matrix;
 use crate::thresholds::MIN_CORRELATION_SDS;
@@ -12,8 +13,9 @@ pub(crate) struct Noise {
     factor: Cholesky<f64, Dyn>,
 }
 
-/// Returns the covariance of `residuals`. Insignificant correlations are set to zero, and the others are shrunk until
-/// the matrix is well conditioned. `floors` are added in quadrature.
+/// Returns the covariance of `residuals`, whose mean is zero. Insignificant correlations are set to zero. The other
+/// correlations are reduced until the matrix is well conditioned. The squares of `floors` are added to the
+/// variances.
 pub(crate) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> Result<Noise> {
     let n = residuals.len() as f64;
     let d = floors.len();
@@ -39,7 +41,7 @@ pub(crate) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> Result<Noise>
         }
         let well = |f: &Cholesky<f64, Dyn>| {
             let l = f.l_dirty();
-            // No statistic may be nearly a function of the others.
+            // No statistic may be nearly a linear function of the others.
             (0..d).all(|i| l[(i, i)].powi(2) > 0.05 * covariance[(i, i)])
         };
         if let Some(factor) = Cholesky::new(shrunk.clone()).filter(well) {
@@ -52,7 +54,8 @@ pub(crate) fn noise(residuals: &[DVector<f64>], floors: &[f64]) -> Result<Noise>
 }
 
 impl Noise {
-    /// Adds the outer products of `columns`, such as the changes per standard deviation of each lamp.
+    /// Returns the covariance plus the outer product of each column, for example of the changes per standard
+    /// deviation of each lamp.
     pub(crate) fn with_columns(&self, columns: &DMatrix<f64>) -> Result<Self> {
         Self::new(&self.covariance + columns * columns.transpose())
     }
@@ -70,7 +73,7 @@ impl Noise {
         (0..l.nrows()).map(|i| 2.0 * l[(i, i)].ln()).sum()
     }
 
-    /// Multiplies the standard deviation of each statistic by a factor.
+    /// Returns the covariance after the standard deviation of each statistic is multiplied by its factor.
     pub(crate) fn scaled(&self, factors: &[f64]) -> Result<Self> {
         let scale = |i: usize, j: usize| self.covariance[(i, j)] * factors[i] * factors[j];
         Self::new(DMatrix::from_fn(factors.len(), factors.len(), scale))
@@ -85,7 +88,7 @@ impl Noise {
     }
 }
 
-/// The bounds of a position, and a prior at `leans` with the information `weight`.
+/// The bounds of a position, and its prior: a normal distribution about `leans` with the precision `weight`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bound {
     pub low: f64,
@@ -94,7 +97,7 @@ pub(crate) struct Bound {
     pub weight: f64,
 }
 
-/// A noise with free directions.
+/// A noise with free directions. The component of a deviation along a free direction has no length.
 #[derive(Clone, Debug)]
 pub(crate) struct Metric {
     pub(crate) noise: Noise,
@@ -104,19 +107,19 @@ pub(crate) struct Metric {
 }
 
 impl Metric {
-    /// `directions` has one column for each fitted parameter.
+    /// Creates a metric. `directions` has one column for each fitted parameter: the derivatives of the statistics.
     pub(crate) fn new(noise: &Noise, directions: DMatrix<f64>) -> Self {
         let weighted = noise.solve(&directions);
         let mut information = directions.transpose() * &weighted;
         for i in 0..information.nrows() {
-            // Directions that are not distinguishable must not make the fit diverge.
+            // Two directions may be nearly equal. The small additional information keeps the fit from diverging.
             information[(i, i)] *= 1.0 + 1e-6;
             information[(i, i)] += 1e-9;
         }
         Self { noise: noise.clone(), directions, weighted, information }
     }
 
-    /// Adds prior information about each position.
+    /// Adds prior information about each position. `weights` contains its precisions, and its center is zero.
     pub(crate) fn knowing(mut self, weights: &[f64]) -> Self {
         for (i, weight) in weights.iter().enumerate() {
             self.information[(i, i)] += weight;
@@ -124,7 +127,7 @@ impl Metric {
         self
     }
 
-    /// Returns the best positions along the directions.
+    /// Returns the positions along the directions that fit `off` best.
     pub(crate) fn fit(&self, off: &DVector<f64>) -> DVector<f64> {
         let right = self.weighted.transpose() * off;
         if right.is_empty() {
@@ -134,8 +137,9 @@ impl Metric {
         self.information.clone().lu().solve(&right).unwrap_or_else(|| DVector::zeros(right.len()))
     }
 
-    /// Returns the best positions along the directions within their bounds. If a position is fixed at its bound, the
-    /// others are fitted again. Clamping each position alone would leave two correlated positions far from the optimum.
+    /// Returns the positions along the directions that fit `off` best within their bounds. If a position is beyond
+    /// its bound, it is fixed at the bound, and the others are fitted again. If each position were only clamped,
+    /// two correlated positions could be far from the optimum.
     pub(crate) fn bounded(&self, off: &DVector<f64>, bounds: &[Bound]) -> DVector<f64> {
         let mut moved = DVector::zeros(bounds.len());
         let mut open: Vec<usize> = (0..bounds.len()).collect();
@@ -158,7 +162,7 @@ impl Metric {
         moved
     }
 
-    /// Returns the best positions along some of the directions, with their priors.
+    /// Returns the positions along the directions `open` that fit `off` best, including the priors of `bounds`.
     fn leaning(&self, off: &DVector<f64>, bounds: &[Bound], open: &[usize]) -> DVector<f64> {
         let weighted = self.weighted.select_columns(open);
         let mut information = self.information.select_rows(open).select_columns(open);
@@ -176,45 +180,49 @@ impl Metric {
         self.information.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(n, n) * 1e6)
     }
 
-    /// Returns the variance of the position along direction `j`, divided by its variance if all others were known.
+    /// Returns the variance of the position along direction `j`, divided by the variance that it would have if all
+    /// other positions were known.
     pub(crate) fn inflation(&self, j: usize) -> f64 {
         self.information[(j, j)] * self.covariance()[(j, j)]
     }
 
-    /// Returns the moves of all positions if position `j` moves by `by` and the others compensate for it.
+    /// Returns the most likely moves of all positions if position `j` moves by `by`.
     pub(crate) fn along(&self, j: usize, by: f64) -> DVector<f64> {
         let covariance = self.covariance();
         covariance.column(j) * (by / covariance[(j, j)])
     }
 
-    /// Returns the rest of `off` after a step along the directions.
+    /// Returns the part of `off` that remains after a step along the directions.
     pub(crate) fn after(&self, off: &DVector<f64>, step: &DVector<f64>) -> DVector<f64> {
         off - &self.directions * step
     }
 
-    /// Returns the rest after the best fit.
+    /// Returns the part of `off` that remains after the best fit.
     pub(crate) fn rest(&self, off: &DVector<f64>) -> DVector<f64> {
         self.after(off, &self.fit(off))
     }
 
-    /// Returns the dual vector of `off`: its product with a vector is their inner product.
+    /// Returns the dual vector of `off`. Its scalar product with another vector is the inner product of this
+    /// metric.
     pub(crate) fn dual(&self, off: &DVector<f64>) -> DVector<f64> {
         self.noise.solve_vector(&self.rest(off))
     }
 
-    /// Returns the squared length.
+    /// Returns the squared length of `off`.
     pub(crate) fn square(&self, off: &DVector<f64>) -> f64 {
         off.dot(&self.dual(off)).max(0.0)
     }
 
-    /// Returns the deviations in their standard deviations, without the fitted directions.
+    /// Returns the deviations of the statistics after the best fit, each divided by its standard deviation after
+    /// the fit.
     pub(crate) fn scores(&self, off: &DVector<f64>) -> Vec<f64> {
         let rest = self.rest(off);
         let lost = &self.directions * self.covariance() * self.directions.transpose();
         (0..rest.len())
             .map(|i| {
                 let own = self.noise.covariance[(i, i)];
-                // A statistic that the fit determines completely contains no information.
+                // If the fit determines a statistic completely, the statistic contains no information. The limit
+                // keeps its score small.
                 rest[i] / (own - lost[(i, i)]).max(0.02 * own).sqrt()
             })
             .collect()
@@ -227,7 +235,7 @@ mod tests {
 
     const FREE: Bound = Bound { low: -9.0, high: 9.0, leans: 0.0, weight: 0.0 };
 
-    /// Two directions that lean on each other, deviations of one.
+    /// Two directions that are not orthogonal, with statistics of standard deviation 1.
     fn metric() -> Metric {
         let covariance = DMatrix::identity(3, 3);
         let factor = Cholesky::new(covariance.clone()).unwrap();
@@ -241,8 +249,8 @@ mod tests {
     #[test]
     fn a_number_held_at_its_bound_leaves_the_best_place_to_the_other() {
         let off = DVector::from_vec(vec![1.0, 1.0, 0.3]);
-        // Free, the second goes to 2 and the first to 1 - 0.9 * 2, but for the millionth that is added to the
-        // information's diagonal; its inverse is 5 at most, so that moves them by some 1e-5.
+        // Without bounds, the second position is 2 and the first is 1 - 0.9 * 2. The additional 1e-6 of the
+        // information moves both by about 1e-5, because the inverse of the information is at most 5.
         let free = metric().bounded(&off, &[FREE; 2]);
         assert!((free[0] + 0.8).abs() < 1e-4 && (free[1] - 2.0).abs() < 1e-4, "{free}");
         let held = metric().bounded(&off, &[FREE, Bound { high: 0.5, ..FREE }]);
@@ -269,14 +277,15 @@ mod tests {
 
     #[test]
     fn a_number_that_another_can_stand_in_for_is_told_by_how_much_its_variance_grows() {
-        // 1 / (1 - c^2) with the squared cosine 0.81 / 1.06.
+        // `1 / (1 - c^2)` with the squared cosine `c^2 = 0.81 / 1.06`.
         let expected = 1.06 / 0.25;
         assert!((0..2).all(|j| (metric().inflation(j) - expected).abs() < 1e-3));
     }
 
     #[test]
     fn others_take_over_what_they_can_of_a_number_that_goes() {
-        // The second goes to where what is left, 0.9 of it in the first statistic and 0.5 in the other, is shortest.
+        // The removed component is 1 in the first statistic. The second direction has 0.9 in this statistic and 0.5
+        // in the next one, so the shortest remainder is at 0.9 / 1.06.
         let moved = metric().along(0, -1.0);
         assert!((moved[0] + 1.0).abs() < 1e-12 && (moved[1] - 0.9 / 1.06).abs() < 1e-5, "{moved}");
     }
@@ -287,7 +296,7 @@ mod tests {
         blind.directions.column_mut(1).fill(0.0);
         let blind = Metric::new(&blind.noise, blind.directions).knowing(&[0.0, 4.0]);
         let covariance = blind.covariance();
-        // But for the millionth and the billionth that every diagonal gets.
+        // The difference comes from the small information that is added to the diagonal.
         assert!((covariance[(0, 0)] - 1.0).abs() < 1e-5 && (covariance[(1, 1)] - 0.25).abs() < 1e-5);
     }
 }

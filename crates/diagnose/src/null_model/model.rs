@@ -1,4 +1,4 @@
-//! The base model under a protocol: mean, noise, derivatives, signatures of effects, and limits of clean sensors.
+//! The base model under a protocol: mean, noise, derivatives, signatures of effects, and limits for clean sensors.
 
 use crate::light::offsets::{columns, offsets, shifted};
 use crate::null_model::baseline::{Baseline, NULL_MODEL_DONE, SENSORS_DONE, StartingCamera};
@@ -25,41 +25,43 @@ use spikelane::error::Result;
 use spikelane::unstable::threads;
 use spikelane_calibrate::ProgressCallback;
 
-/// Simulated sensors of one kind under one protocol. They serve every set that was recorded by this protocol.
+/// Simulated sensors of one camera model under one protocol. They can be compared with every set that was recorded
+/// by this protocol.
 #[derive(Clone, Debug)]
 pub struct NullModel {
     pub(crate) setup: Setup,
     pub(crate) model: Model,
     pub(crate) statistics: Vec<DiagnosticStatistic>,
     pub(crate) seed: u64,
-    /// Vectors of the first [`SENSORS`] seeds.
+    /// Vectors of the sensors with exactly the parameters of the model. A complete null model has [`SENSORS`] of
+    /// them.
     pub(crate) baseline: Vec<DVector<f64>>,
     pub(crate) mean: DVector<f64>,
-    /// Standard deviation of each statistic between these, without floors and lamps.
+    /// Standard deviation of each statistic between the vectors of `baseline`, without floors and without lamps.
     pub(crate) spread: Vec<f64>,
-    /// Changes per unit of the base knobs.
+    /// Derivatives of the statistics by the base knobs.
     pub(crate) jacobian: DMatrix<f64>,
-    /// Changes per unit of each lamp's deviation.
+    /// Derivatives of the statistics by the deviation of each lamp.
     pub(crate) lamp_slopes: DMatrix<f64>,
-    /// Noise of sensors whose light is known.
+    /// Noise of sensors at known light.
     pub(crate) noise_without_lamps: Noise,
-    /// Noise including the lamps.
+    /// Noise that includes the deviations of the lamps.
     pub(crate) noise: Noise,
     pub(crate) metric: Metric,
-    /// Root mean square error of the fit of clean sensors for each base parameter.
+    /// Root mean square error of each base parameter in fits of clean sensors.
     pub(crate) missed: Vec<f64>,
     pub(crate) signatures: Vec<Signature>,
     /// Effects that this set cannot show at any strength.
     pub(crate) missing: Vec<&'static Definition>,
     /// Limits and noise floor of clean sensors.
     pub(crate) clean: Clean,
-    /// Simulated vectors of fitted models.
+    /// Simulated vectors of fitted models, so that no vector is simulated twice.
     remembered: SimulationMemory,
 }
 
 impl NullModel {
     /// Simulates sensors like `camera` under the protocol of `setup`, and the signature of each effect of this
-    /// library.
+    /// library. A signature is the change of the statistics by the effect.
     ///
     /// # Errors
     /// If the camera cannot be simulated at the light of the set.
@@ -88,10 +90,11 @@ impl NullModel {
         Self::complete(baseline, SIGNATURE_DRAWS, progress)
     }
 
-    /// Returns the null model for a search, from all simulations of the base model and sensors with parameters from
-    /// their posterior.
+    /// Returns the null model for a search. It completes the simulations of the base model and simulates sensors
+    /// whose parameters come from their posterior.
     ///
-    /// With [`FIRST_SIGNATURE_DRAWS`], a search makes the second draw of the candidates that it compares.
+    /// If `signature_draws` is [`FIRST_SIGNATURE_DRAWS`], the search later makes the second draw of the candidates
+    /// that it compares.
     pub(crate) fn complete(
         mut baseline: Baseline,
         signature_draws: usize,
@@ -114,7 +117,7 @@ impl NullModel {
         Self::from_sensors(baseline, &sensors, &residuals, ALARM)
     }
 
-    /// Returns the null model of the first simulations. A set within its limits agrees.
+    /// Returns the null model of the first simulations. A set that is within its limits agrees with the model.
     pub(crate) fn preliminary(baseline: &Baseline) -> Result<Self> {
         let (mean, lamp_slopes) = (baseline.mean(), baseline.lamp_slopes());
         let sensors =
@@ -168,7 +171,7 @@ impl NullModel {
         Base { mean: &self.mean, jacobian: &self.jacobian, signatures: &self.signatures }
     }
 
-    /// Returns the limits that clean sensors do not exceed.
+    /// Returns the limits that clean sensors hardly ever exceed.
     #[must_use]
     pub fn limits(&self) -> Limits {
         self.clean.limits
@@ -181,28 +184,28 @@ impl NullModel {
         copy
     }
 
-    /// Returns `data` as if all lamps had their stated light; see `light/offsets.rs`.
+    /// Returns `data` plus the changes by the lamp offsets of this model; see `light/offsets.rs`.
     pub(crate) fn shifted(&self, data: &DVector<f64>) -> DVector<f64> {
         shifted(data, &self.lamp_slopes, &self.model)
     }
 
-    /// Returns the vector that is subtracted from vectors of `model`, so that they compare with data that were shifted
-    /// by the offsets of this model.
+    /// Returns the vector that must be subtracted from simulated vectors of `model`. They then compare with data
+    /// that were shifted by the lamp offsets of this null model ([`NullModel::shifted`]).
     pub(crate) fn lamp_shift(&self, model: &Model) -> DVector<f64> {
         &self.lamp_slopes * (offsets(&model.lamps) - offsets(&self.model.lamps))
     }
 
-    /// Returns whether it comes from the first simulations only.
+    /// Returns whether the null model comes from the first simulations only.
     pub(crate) fn is_preliminary(&self) -> bool {
         self.baseline.len() < SENSORS
     }
 
-    /// Returns the probability that a clean sensor exceeds a limit.
+    /// Returns the probability that a clean sensor exceeds a given limit.
     pub(crate) fn limit_probability(&self) -> f64 {
         if self.is_preliminary() { AGREEMENT.probability } else { ALARM.probability }
     }
 
-    /// Returns the name of a statistic and its recording.
+    /// Returns the name of statistic `i` and its recording.
     pub(crate) fn words(&self, i: usize) -> (String, String) {
         let s = &self.statistics[i];
         let place =
@@ -210,13 +213,13 @@ impl NullModel {
         (s.name.to_owned(), place)
     }
 
-    /// Returns the signature of `candidate`, from as many simulations as the other signatures.
+    /// Returns the signature of `candidate`. It has as many simulations as the other signatures.
     pub(crate) fn signature(&self, candidate: Candidate) -> Result<Signature> {
         let draws = if self.is_preliminary() { FIRST_SIGNATURE_DRAWS } else { SIGNATURE_DRAWS };
         self.signature_with(candidate, Vec::new(), draws)
     }
 
-    /// Returns `signature` from two simulations.
+    /// Returns the signature with two simulations. The second one is made if `signature` has only one.
     pub(crate) fn with_second_draw(&self, signature: &Signature) -> Result<Signature> {
         if signature.each.len() >= SIGNATURE_DRAWS {
             return Ok(signature.clone());
@@ -237,8 +240,9 @@ impl NullModel {
         Ok(Signature::new(candidate, each, &self.spread))
     }
 
-    /// Returns the mean vector of a fitted model from `count` simulations. The first ones are `known`. The vectors of
-    /// the base model are a control variate if that reduces the noise.
+    /// Returns the mean vector of a fitted model from `count` simulations, of which `known` contains the first
+    /// ones. For each statistic, the vectors of the base model serve as a control variate if this reduces the
+    /// noise.
     pub(crate) fn mean_of(
         &self,
         model: &Model,
@@ -255,8 +259,8 @@ impl NullModel {
         Ok(Means { mean: self.controlled(&each), each })
     }
 
-    /// Returns the mean vector of a fitted model under another protocol with the same statistics: the other half of the
-    /// recordings, or the same scenes with other light.
+    /// Returns the mean vector of a fitted model under another protocol with the same statistics. Examples are the
+    /// other half of the recordings, and the same scenes with other light.
     pub(crate) fn mean_under(&self, setup: &Setup, model: &Model, u: &[f64]) -> Result<DVector<f64>> {
         let sample = model.sample(u, &[])?;
         let shift = self.lamp_shift(model);
@@ -265,7 +269,7 @@ impl NullModel {
         Ok(self.controlled(&threads::try_map(0..halves, simulate)?))
     }
 
-    /// Returns the vector of `sample` with draws number `i`, which is simulated once.
+    /// Returns the vector of `sample` with the draws of number `i`. Each vector is simulated only once.
     fn remembered(&self, sample: &Sample, i: usize) -> Result<DVector<f64>> {
         let simulate = || simulate::values(&self.setup, sample, self.seed + i as u64);
         self.remembered.get_or_simulate(sample, i, simulate)
@@ -286,9 +290,11 @@ impl NullModel {
     }
 }
 
-/// Returns the root mean square error of each base parameter in fits of clean sensors. The statistics of one parameter
-/// follow its chance in a sensor together, for example the spread of 2,304 gains. If the noise does not contain all of
-/// this, linear standard deviations are too small.
+/// Returns the root mean square error of each base parameter in fits of clean sensors.
+///
+/// A parameter of a single sensor deviates by chance, for example the spread of its 2,304 gains. All statistics
+/// that depend on the parameter then deviate together. The noise may lack a part of these correlations. The
+/// standard deviations of the linear fit would then be too small.
 fn missed(metric: &Metric, sensors: &[CleanSensor], mean: &DVector<f64>) -> Vec<f64> {
     let known = vec![CALIBRATION_INFORMATION; metric.directions.ncols()];
     let fitter = metric.clone().knowing(&known);

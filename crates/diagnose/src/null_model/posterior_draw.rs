@@ -1,4 +1,4 @@
-//! Clean sensors whose parameters deviate as after a calibration.
+//! Clean sensors whose parameters deviate from the base model as they do after a calibration.
 
 use std::sync::atomic::AtomicUsize;
 
@@ -14,16 +14,17 @@ use nalgebra::{DMatrix, DVector};
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// A clean sensor whose parameters and lamps differ from those of the base model.
+/// A simulated sensor without missing effects. Its parameters and lamps may differ from those of the base model.
 pub(crate) struct CleanSensor {
-    /// Positions of the base parameters.
+    /// Positions of the base parameters of this sensor.
     pub base: DVector<f64>,
-    /// Deviations of the lamps.
+    /// Relative deviations of the lamps of this sensor.
     pub lamps: DVector<f64>,
     pub vector: DVector<f64>,
 }
 
-/// Simulates sensors whose parameters come from the posterior and whose lamps have errors.
+/// Simulates sensors whose parameters are drawn from the posterior and whose lamps have errors. `rough` is a metric
+/// with the derivatives by the base parameters as directions.
 pub(crate) fn posterior_sensors(
     setup: &Setup,
     model: &Model,
@@ -47,11 +48,11 @@ pub(crate) fn posterior_sensors(
     threads::try_map(0..POSTERIOR_SENSORS, one)
 }
 
-/// Returns clean sensors from the vectors of the base model, without further simulations. The lamps of each have errors,
-/// which the derivatives add.
+/// Returns clean sensors from the vectors of the base model, without further simulations. Each receives drawn
+/// errors of the lamps, whose effect is computed with the derivatives by the lamps.
 ///
-/// The mean of `n` vectors is closer to each of them than to another sensor, by the factor `sqrt((n - 1) / (n + 1))`.
-/// The deviations from the mean are therefore stretched.
+/// The mean of `n` vectors contains each of them. A vector is therefore closer to this mean than a new sensor, by
+/// the factor `sqrt((n - 1) / (n + 1))`. The deviations from the mean are divided by this factor.
 pub(super) fn sensors_of_baseline(
     vectors: &[DVector<f64>],
     mean: &DVector<f64>,

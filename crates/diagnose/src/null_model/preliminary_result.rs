@@ -1,16 +1,16 @@
-//! The result of the first simulations, if the set does not agree with the model.
+//! The result of the first simulations if the set does not agree with the model.
 
 use crate::null_model::limits::score_of;
 use crate::null_model::model::NullModel;
 use crate::thresholds::{MAX_LIKELY_EFFECTS, MAX_PRELIMINARY_Z, MIN_LIKELY_SHARE};
 use nalgebra::DVector;
 
-/// A preliminary result. The diagnosis then finds weaker effects, fits and compares the effects, and may end with
-/// another result.
+/// A preliminary result. The diagnosis continues: it searches for weaker effects and compares fits of the effects.
+/// The final result can differ from the preliminary one.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct PreliminaryResult {
-    /// Whether no deviation is significant.
+    /// Whether no deviation is significant in the first simulations.
     pub is_consistent: bool,
     /// Effects that resemble the deviations, the most likely first.
     pub likely_effects: Vec<&'static str>,
@@ -36,7 +36,7 @@ impl PreliminaryResult {
 }
 
 impl PreliminaryResult {
-    /// Compares `data`, in the coordinates of `null_model`, with the first simulations.
+    /// Compares `data` with the first simulations. `data` are shifted as by [`NullModel::shifted`].
     pub(crate) fn new(null_model: &NullModel, data: &DVector<f64>) -> Self {
         let metric = &null_model.metric;
         let off = data - &null_model.mean;

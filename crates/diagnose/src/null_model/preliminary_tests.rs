@@ -38,7 +38,7 @@ fn setup() -> Setup {
     }
 }
 
-/// Whether something about a vector is beyond the limits of a null model.
+/// Returns whether the total misfit, a statistic or a score of `vector` exceeds its limit.
 fn is_alarm(null_model: &NullModel, vector: &DVector<f64>) -> bool {
     let signatures: Vec<&Signature> = null_model.signatures.iter().collect();
     let found = strays_by(&null_model.metric, &(vector - &null_model.mean), &signatures);
@@ -46,8 +46,9 @@ fn is_alarm(null_model: &NullModel, vector: &DVector<f64>) -> bool {
     found[0] > limits.misfit || found[1] > limits.deviation || found[2] > limits.score
 }
 
-/// A clean sensor exceeds one of the first limits with a probability of at most 15 %, so fewer than 40 of 60 within them have
-/// a probability below 1e-4. A sensor beyond the final limits should not be within the first ones.
+/// A clean sensor exceeds one of the first limits with a probability of at most 15 %. The probability that fewer
+/// than 40 of 60 sensors are within the first limits is therefore below 1e-4. A sensor that is within the first
+/// limits should not exceed the final limits.
 #[test]
 fn sensors_that_agree_with_the_first_simulations_agree_with_all() {
     let setup = setup();

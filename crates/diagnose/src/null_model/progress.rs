@@ -1,11 +1,12 @@
-//! Progress of work on all threads.
+//! Progress of work that runs on all threads.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use spikelane::unstable::threads;
 use spikelane_calibrate::ProgressCallback;
 
-/// A stage of a diagnosis: its name, its start and end as shares of the whole, and its number of pieces.
+/// A stage of a diagnosis: its name, its start and its end as shares of the total time, and its number of pieces of
+/// work.
 pub(crate) struct Stage {
     pub name: &'static str,
     pub from: f64,
@@ -13,7 +14,7 @@ pub(crate) struct Stage {
     pub pieces: usize,
 }
 
-/// Runs `work`, which counts its pieces, and reports the share of complete pieces to `progress` meanwhile.
+/// Runs `work` and reports its progress to `progress` in the meantime. `work` must count each complete piece.
 pub(crate) fn watched<T: Send>(
     stage: &Stage,
     progress: ProgressCallback<'_>,

@@ -1,4 +1,4 @@
-//! Signatures: changes of the statistics by candidates.
+//! Signatures: the changes of the statistics that candidates cause.
 
 use crate::null_model::metric::Metric;
 use crate::null_model::vectors::{average, shrink};
@@ -11,21 +11,24 @@ use nalgebra::DVector;
 use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 
-/// The change of the statistics by a candidate at one position.
+/// The change of the statistics that a candidate causes at one position of its parameters.
 #[derive(Clone, Debug)]
 pub(crate) struct Signature {
     pub candidate: Candidate,
-    /// Change of the vector, mean and of each simulation.
+    /// Mean change of the statistics vector. `each` contains one change for each simulation.
     pub mean: DVector<f64>,
     pub each: Vec<DVector<f64>>,
-    /// Standard deviation of the score of clean sensors. It exceeds one if few simulations hide correlations.
+    /// Standard deviation of the score in clean sensors. It exceeds 1 if the noise comes from few simulations,
+    /// which do not show all correlations.
     pub score_sd: f64,
 }
 
 impl Signature {
-    /// `each` are the changes of the vector in simulations. `spread` has the standard deviation of each statistic.
+    /// Creates a signature. `each` contains one change of the statistics vector for each simulation. `spread`
+    /// contains the standard deviation of each statistic.
     pub(super) fn new(candidate: Candidate, each: Vec<DVector<f64>>, spread: &[f64]) -> Self {
-        // The noise of a single simulation is as long as a weak signature.
+        // The noise of a single simulation can be as long as a weak signature, so insignificant changes are set to
+        // zero.
         let mean = match each.as_slice() {
             [only] => shrink(only.clone(), spread, 1),
             _ => average(&each),
@@ -33,8 +36,8 @@ impl Signature {
         Self { candidate, mean, each, score_sd: 1.0 }
     }
 
-    /// Estimates the amplitude of the effect in units of the tried amplitude. `dual` is a deviation in `metric`. Returns
-    /// `None` if the signature is lost in its own noise.
+    /// Estimates the amplitude of the effect in a deviation, in units of the tried amplitude. `dual` is the dual
+    /// vector of the deviation in `metric`. Returns `None` if the noise hides the signature.
     pub(crate) fn amplitude(&self, metric: &Metric, dual: &DVector<f64>) -> Option<AmplitudeEstimate> {
         let [first, second] = self.two_estimates();
         let square = metric.dual(first).dot(second);
@@ -44,7 +47,7 @@ impl Signature {
         })
     }
 
-    /// Two estimates of the change. Their noise is independent if there are two simulations.
+    /// Returns two estimates of the change. If two simulations exist, the noise of both is independent.
     pub(super) fn two_estimates(&self) -> [&DVector<f64>; 2] {
         match self.each.as_slice() {
             [first, second, ..] => [first, second],
@@ -60,14 +63,14 @@ pub(crate) struct AmplitudeEstimate {
     pub sd: f64,
 }
 
-/// Returns whether `b` is the same effect as `a` with the opposite sign.
+/// Returns whether `a` and `b` are the same effect with opposite signs.
 pub(super) fn is_mirrored(a: &Candidate, b: &Candidate) -> bool {
     let is_linear = a.knobs.first().is_some_and(|knob| knob.scale == SearchScale::Linear);
     let opposite = |a: f64, b: f64| (a + b).abs() < 1e-9 * a.abs();
     is_linear && a.effect == b.effect && opposite(a.at[0], b.at[0]) && a.at[1..] == b.at[1..]
 }
 
-/// Returns the largest amplitude, relative to the tried one.
+/// Returns the largest allowed amplitude of the effect, divided by the tried amplitude.
 pub(crate) fn reach(s: &Signature) -> f64 {
     let (knob, u) = (s.candidate.knobs[0], s.candidate.at[0]);
     let most = knob.position(if u * knob.unit < 0.0 && knob.scale == SearchScale::Linear {
@@ -79,7 +82,7 @@ pub(crate) fn reach(s: &Signature) -> f64 {
 }
 
 impl Candidate {
-    /// Returns the sample of the base model with this candidate.
+    /// Returns the base model with this candidate as a sample.
     pub(super) fn sample(&self, base: &Model) -> Result<Sample> {
         let mut model = base.clone();
         let zero = vec![0.0; model.knobs.len()];
@@ -88,8 +91,8 @@ impl Candidate {
     }
 }
 
-/// Returns the change by `candidate` of the base sensor with draws number `i`. `baseline` contains the vectors of the
-/// base sensor.
+/// Returns the change that `candidate` causes in the base model with the draws of number `i`. `baseline` contains
+/// the vectors of the base model.
 pub(super) fn changed_by(
     candidate: &Candidate,
     setup: &Setup,

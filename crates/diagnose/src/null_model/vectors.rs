@@ -12,20 +12,20 @@ pub(crate) fn average(vectors: &[DVector<f64>]) -> DVector<f64> {
     sum / vectors.len() as f64
 }
 
-/// Returns the mean square of each entry of some vectors.
+/// Returns, for each entry, the mean of its squares over all vectors.
 pub(crate) fn mean_squares(vectors: &[DVector<f64>]) -> DVector<f64> {
     let square = |j: usize| vectors.iter().map(|v| v[j] * v[j]).sum::<f64>() / vectors.len() as f64;
     DVector::from_fn(vectors.first().map_or(0, |v| v.len()), |j, _| square(j))
 }
 
-/// Returns the standard deviation of each entry of some vectors.
+/// Returns, for each entry, the standard deviation between the vectors.
 pub(crate) fn spread(vectors: &[DVector<f64>]) -> Vec<f64> {
     let mean = average(vectors);
     let square = |j: usize| vectors.iter().map(|v| (v[j] - mean[j]).powi(2)).sum::<f64>();
     (0..mean.len()).map(|j| (square(j) / (vectors.len() - 1) as f64).sqrt()).collect()
 }
 
-/// Returns the differences between the vectors of `a` and `b`, in pairs.
+/// Returns the difference of each pair of vectors from `a` and `b`.
 pub(crate) fn differences(a: &[DVector<f64>], b: &[DVector<f64>]) -> Vec<DVector<f64>> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
@@ -49,19 +49,23 @@ pub(crate) fn normal_vectors(seed: u64, name: &str) -> impl FnMut(usize) -> DVec
     move |count| DVector::from_fn(count, |_, _| normals.next().unwrap_or(0.0))
 }
 
-/// Returns the mean change of `count` pairs of simulations without the statistics that only noise changed. `sd` has the standard
-/// deviation of each statistic.
+/// Returns `change` without the statistics that only noise changed. `change` is the mean of `count` pairs of
+/// simulations. `sd` contains the standard deviation of each statistic.
 ///
-/// A set has about 250 statistics, and their noise together can be longer than the change. A fit along such a derivative finds only
-/// a part of every change: an interval of `row_pattern` was two to three times too narrow. The changes themselves show the noise of
-/// a pair, because noise alone moves most statistics. It is at most that of two sensors.
+/// A set has about 250 statistics. The sum of their noise can be longer than the change itself. A fit along such a
+/// derivative finds only a part of every change. Measured: the interval of `row_pattern` was two to three times too
+/// narrow.
+///
+/// Most statistics are changed by noise alone. Their median change therefore shows the noise of a pair, which is at
+/// most the noise of two independent sensors.
 pub(crate) fn shrink(mut change: DVector<f64>, sd: &[f64], count: usize) -> DVector<f64> {
     let square = |(c, sd): (&f64, &f64)| if *sd > 0.0 { (c / sd).powi(2) } else { 0.0 };
     let mut squares: Vec<f64> = change.iter().zip(sd).map(square).collect();
     let usual = spikelane_measure::median(&mut squares) / NORMAL_SQUARE_MEDIAN;
     let noise = MIN_CHANGE_SDS * MIN_CHANGE_SDS * usual.min(2.0 / count.max(1) as f64);
     for (c, sd) in change.iter_mut().zip(sd) {
-        // Nearly all or nothing, but without a step.
+        // Statistics far below the noise limit become zero, and those far above it stay. The transition is
+        // continuous.
         let share = 1.0 - (noise * sd * sd / (*c * *c).max(1e-300)).powi(2);
         *c *= share.max(0.0);
     }
@@ -74,7 +78,8 @@ mod tests {
 
     #[test]
     fn what_a_change_moves_plainly_stays_and_noise_goes() {
-        // Noise of 0.3 of a deviation: 200 statistics in the order of a normal law, and two that are plainly moved.
+        // 200 statistics with normal noise of 0.3 standard deviations, and two statistics with a significant
+        // change.
         let normal = |i: usize| 0.3 * (((i * 37) % 200) as f64 - 99.5) / 57.7;
         let mut change = DVector::from_fn(202, |i, _| normal(i));
         (change[7], change[90]) = (5.0, -2.0);

@@ -22,9 +22,10 @@ use spikelane_calibrate::{self as calibrate, Calibration, NoiseSampling, Recordi
 pub enum NumberSource {
     /// Calibrated from these recordings.
     Calibrated,
-    /// The published model, because the calibration did not determine it.
+    /// The published model, because calibration did not determine the parameter.
     Published,
-    /// A fit to the recordings that started from the published model, because the calibration did not determine it.
+    /// A fit to the recordings that started from the published model, because calibration did not determine the
+    /// parameter.
     Fitted,
     /// The camera file.
     Camera,
@@ -58,8 +59,8 @@ impl BaseParameter {
     }
 }
 
-/// Returns the camera for the rows from `first_row` on: its band of jitter is `first_row` rows higher. A band whose
-/// center is above these rows is removed.
+/// Returns the camera for the rows from `first_row` on. The row of its jitter band decreases by `first_row`. If the
+/// center of the band is above the first row, the band is removed.
 fn in_row_band(camera: Camera, first_row: usize) -> Camera {
     let Some(jitter) = camera.effect(readout_jitter::EFFECT.name) else { return camera };
     let moved = jitter.get("row").and_then(|row| jitter.clone().with_value("row", row - first_row as f64));
@@ -69,7 +70,7 @@ fn in_row_band(camera: Camera, first_row: usize) -> Camera {
     }
 }
 
-/// The initial model of a search.
+/// The initial model of a search: its camera, the origin of its parameters, and notes for the report.
 pub(crate) struct BaseModel {
     pub camera: Camera,
     pub numbers: Vec<BaseParameter>,
@@ -77,12 +78,13 @@ pub(crate) struct BaseModel {
 }
 
 impl BaseModel {
-    /// Returns whether a parameter belongs to another camera, so that the recordings may contradict it.
+    /// Returns whether a parameter has a published value. The recordings may contradict it, because it belongs to
+    /// another camera.
     pub(crate) fn is_guessed(&self) -> bool {
         self.numbers.iter().any(|n| n.source == NumberSource::Published)
     }
 
-    /// Takes the parameters of `fitted` in place of those of another camera.
+    /// Replaces the published parameters by the values in `fitted`.
     pub(crate) fn fitted(mut self, fitted: &Camera) -> Result<Self> {
         let mut moved = Vec::new();
         for n in self.numbers.iter_mut().filter(|n| n.source == NumberSource::Published) {
@@ -101,8 +103,9 @@ impl BaseModel {
         Ok(self)
     }
 
-    /// Returns the `given` camera, or the published model with the calibrated parameters of the set. If the pixels of
-    /// the recordings began together, those of the model do, too.
+    /// Returns the initial model: the `given` camera, or the published model with parameters that are calibrated
+    /// from the set. If the pixels of the recordings began together, the pixels of the model begin together as
+    /// well.
     pub(crate) fn new(recordings: &Recordings, given: Option<&Camera>) -> Result<Self> {
         let mut base = Self::running(&recordings.fitted, given)?;
         if let Some(over) = recordings.begun_over {
@@ -111,7 +114,7 @@ impl BaseModel {
         Ok(base)
     }
 
-    /// Returns the model of a camera whose pixels did not begin together.
+    /// Returns the initial model for recordings whose pixels start at random phases.
     fn running(taken: &PreparedSet, given: Option<&Camera>) -> Result<Self> {
         let PreparedSet { set, setup, measured } = taken;
         let calibration = calibration(set);
@@ -140,8 +143,9 @@ impl BaseModel {
         }
     }
 
-    /// Returns the model of a given camera. Pixels start at random phases, because the start is a property of a
-    /// recording. Maps are replaced by their populations. The compared rows start at `first_row`.
+    /// Returns the initial model of a given camera. Its pixels start at random phases, because the start is a
+    /// property of a recording. Populations with the same medians and spreads replace its maps. `first_row` is the
+    /// first compared row.
     fn of_camera(given: &Camera, first_row: usize) -> Result<Self> {
         let mut notes = Vec::new();
         let mut camera = given.clone().with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
@@ -157,7 +161,7 @@ impl BaseModel {
         Ok(Self { numbers: numbers(&camera, NumberSource::Camera), camera, notes })
     }
 
-    /// Keeps negative dark currents.
+    /// Changes the model to one that keeps negative dark currents.
     fn below_zero(mut self) -> Result<Self> {
         let own = self.camera.effect(dark_current::EFFECT.name).cloned();
         let own = own.unwrap_or_else(|| dark_current::EFFECT.neutral());
@@ -168,7 +172,7 @@ impl BaseModel {
         Ok(self)
     }
 
-    /// Takes the parameters that a calibration determined with small errors.
+    /// Replaces the published parameters that calibration determined with small errors.
     fn moved(mut self, c: &Calibration) -> Result<Self> {
         let (mut told, mut untold) = (Vec::new(), Vec::new());
         for (effect, key, value, error) in found(&self.camera, c) {
@@ -221,7 +225,7 @@ fn numbers(camera: &Camera, source: NumberSource) -> Vec<BaseParameter> {
     BASE_KNOBS.iter().filter_map(of).collect()
 }
 
-/// Returns the calibrated base parameters with their errors.
+/// Returns the calibrated base parameters: effect, key, value, and standard error.
 fn found(camera: &Camera, c: &Calibration) -> Vec<(&'static Definition, &'static str, f64, f64)> {
     let (p, sensor) = (&c.population, &camera.sensor);
     let bias = camera.effect(bias_voltage::EFFECT.name).map_or(0.0, |e| e.values()[0]);
@@ -231,7 +235,7 @@ fn found(camera: &Camera, c: &Calibration) -> Vec<(&'static Definition, &'static
     let phi_error = if told { p.sigma_phi.error } else { f64::NAN };
     let inverse = 1.0 + phi * phi;
     let to_pa = sensor.capacitance_ff * swing / (sensor.period_s() * 1e3);
-    // The spread without that of the thresholds, which the calibrated spread includes.
+    // Returns the relative spread without that of the thresholds. The calibrated spread includes both.
     let own = |sd: f64, mean: f64| ((sd / mean).powi(2) - phi * phi).max(1e-4).sqrt();
     let own_error = |sd: f64, error: f64, mean: f64| {
         let by_phi = if told { phi * phi_error } else { 0.0 };
@@ -269,8 +273,8 @@ fn found(camera: &Camera, c: &Calibration) -> Vec<(&'static Definition, &'static
     ]
 }
 
-/// Returns the median dark rate and its robust spread. A few hot pixels would double a plain standard deviation, and
-/// the search would have to correct it before it could name them.
+/// Returns the median dark rate and its robust spread. A few hot pixels would double a standard deviation. The
+/// search would have to correct the spread before it could name the hot pixels.
 fn usual_dark(c: &Calibration) -> (f64, f64) {
     let d: Vec<f64> = c.fits.iter().map(|f| f.d).collect();
     let errors: Vec<f64> = c.fits.iter().map(|f| f.var_d).collect();
@@ -278,7 +282,8 @@ fn usual_dark(c: &Calibration) -> (f64, f64) {
     (spread.median(), (spread.sd().powi(2) - error).max(0.0).sqrt())
 }
 
-/// Returns the error about a camera with color filters. The models of a diagnosis have one light for all pixels.
+/// Returns the error for a camera with color filters. A diagnosis does not support it, because its models have the
+/// same light for all pixels.
 pub(crate) fn color_filter_error(found: impl std::fmt::Display) -> Error {
     Error::new(ErrorKind::Input, "recordings of a diagnosis")
         .found(found)

@@ -1,7 +1,8 @@
 //! Fits wrong parameters of a given camera before any effect is added.
 //!
-//! The found light has an error of some thousandths, and the rates of the pixels have a hundredth of it. Without lamps
-//! in the fit, the base parameters would move by several standard deviations to explain these differences.
+//! The lamps are part of the fit. The found light has an error of some thousandths, and the rates of the pixels
+//! have an error of a hundredth of this. Without the lamps, the base parameters would move by several standard
+//! deviations to explain this error of the light.
 
 use std::sync::atomic::AtomicUsize;
 
@@ -21,7 +22,7 @@ use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// The lamps of the lit recordings.
+/// The lamps of the lit recordings as parameters of the fit.
 struct Lamps {
     /// Change of each statistic per unit of the deviation of each lamp.
     slopes: DMatrix<f64>,
@@ -40,7 +41,8 @@ impl Lamps {
         Ok(Self { slopes, uncertainties })
     }
 
-    /// Returns the slopes in standard deviations of the statistics, each multiplied by the square root of a weight.
+    /// Returns the slopes, divided by the standard deviations of the statistics and multiplied by `weight`, the
+    /// square root of a weight.
     fn weighted(&self, sd: &[f64], weight: impl Fn(usize) -> f64) -> DMatrix<f64> {
         DMatrix::from_fn(self.slopes.nrows(), self.slopes.ncols(), |i, k| {
             weight(i) * self.slopes[(i, k)] / sd[i]
@@ -51,7 +53,8 @@ impl Lamps {
         DVector::from_iterator(self.uncertainties.len(), self.uncertainties.iter().map(|u| u.powi(-2)))
     }
 
-    /// Returns the deviations of the lamps that explain most of `z`, and the rest.
+    /// Returns the deviations of the lamps that explain `z` best, and the remaining part of `z`. `z` is the
+    /// deviation of the statistics in standard deviations.
     fn fit(&self, z: DVector<f64>, sd: &[f64]) -> (DVector<f64>, DVector<f64>) {
         let all = self.weighted(sd, |_| 1.0);
         let mut found = DVector::zeros(self.uncertainties.len());
@@ -69,27 +72,28 @@ impl Lamps {
     }
 }
 
-/// Returns the square root of the weight of a statistic that deviates by `z`.
+/// Returns the square root of the Huber weight of a statistic that deviates by `z` standard deviations.
 fn usual_weight(z: f64) -> f64 {
     (MAX_BASE_FIT_Z / z.abs().max(1e-9)).min(1.0).sqrt()
 }
 
-/// A camera with simulations and its deviation from the data.
+/// A camera with its simulations and its deviation from the data.
 struct Place {
     model: Model,
     each: Vec<DVector<f64>>,
-    /// Standard deviations of one sensor, without and with floors.
+    /// Standard deviation of each statistic between sensors: `spread` without floors, `sd` with floors.
     spread: Vec<f64>,
     sd: Vec<f64>,
     /// Deviations of the lamps from the found light.
     lamps: DVector<f64>,
-    /// Deviation of the data without the part of the lamps, in standard deviations, and its robust square.
+    /// Deviation of the data in standard deviations, without the part that the lamps explain. `cost` is its robust
+    /// square.
     z: DVector<f64>,
     cost: f64,
 }
 
-/// Fits the base parameters of `camera` to `data`. The result contains the simulations for the null model. A camera
-/// without deviations is returned unchanged.
+/// Fits the base parameters of `camera` to `data`. The result contains the last simulations, which the null model
+/// reuses. If the camera does not deviate from the data, it is returned unchanged.
 pub(crate) fn rebased(
     setup: &Setup,
     camera: &Camera,
@@ -103,7 +107,7 @@ pub(crate) fn rebased(
     let of = |camera| Place::of(setup, model(camera), data, seed, &floors, &lamps);
     let mut best = of(camera.clone())?;
     let given = best.model.clone();
-    // A static scene determines no parameter of a camera without noise and without spreads.
+    // The base parameters of a camera without noise and without spreads cannot be fitted to a static scene.
     if given.knobs.is_empty() {
         return Ok(StartingCamera::new(best.model.camera, context));
     }
@@ -119,7 +123,8 @@ pub(crate) fn rebased(
         let next = of(camera)?;
         let closer = next.cost < best.cost;
         if closer {
-            // Columns are changes per relative change of a parameter.
+            // A column is the change per relative change of a parameter. The parameter is now larger by the factor
+            // `1 + by`.
             for (j, by) in by.iter().enumerate() {
                 derivatives.column_mut(j).scale_mut(1.0 + by);
             }
@@ -171,15 +176,14 @@ impl Place {
         Ok(Self { model, each, spread, sd, lamps, z, cost })
     }
 
-    /// Returns the changes by the parameters. Entries that are noise are set to zero, because among hundreds of entries
-    /// they would hide the change by a parameter.
+    /// Returns the changes of the statistics by a step of each parameter.
     fn changes(&self, setup: &Setup, seed: u64) -> Result<Changes> {
         changes(setup, &self.model, seed, &self.each, 0..pairs(setup), &AtomicUsize::new(0))
     }
 
-    /// Returns the robust Gauss-Newton step with a prior at the parameters of `given`, and its length in standard
-    /// deviations. Statistics count as independent: correlations of a few dozen simulations are mostly noise, and steps
-    /// by them wander.
+    /// Returns the robust Gauss-Newton step, and its length in standard deviations. The prior is centered at the
+    /// parameters of `given`. Statistics count as independent, because correlations from a few dozen simulations
+    /// are mostly noise. With such correlations, the steps would follow the noise.
     fn wanted(&self, derivatives: &DMatrix<f64>, given: &Model, lamps: &Lamps) -> (DVector<f64>, f64) {
         let n = derivatives.ncols();
         let all = n + self.lamps.len();

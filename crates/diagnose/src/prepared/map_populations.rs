@@ -1,11 +1,11 @@
-//! Maps of a camera as populations, which recordings are compared with.
+//! Replaces the maps of a camera by populations, which a diagnosis compares with recordings.
 
 use crate::statistics::order::Spread;
 use crate::thresholds::MIN_TAIL_SKEW;
 use spikelane::effects::{Camera, Definition, Effect, bias_voltage, dark_current, dark_tail, prnu};
 use spikelane::error::Result;
 
-/// Replaces the maps of a camera by populations with their medians and spreads.
+/// Replaces each map of a camera by a population with the same median and spread.
 pub(super) fn reduced(mut camera: Camera) -> Result<Camera> {
     let maps = std::mem::take(&mut camera.maps);
     if let Some(gain) = &maps.gain {
@@ -29,8 +29,8 @@ fn own(camera: &Camera, effect: &'static Definition) -> Effect {
     camera.effect(effect.name).cloned().unwrap_or_else(|| effect.neutral())
 }
 
-/// Replaces the map of dark currents by a normal or a log-normal population, so that a camera whose map has a tail does
-/// not lack one.
+/// Replaces the map of dark currents by a normal or a log-normal population. The log-normal population has a tail.
+/// Without it, a camera whose map has a tail would be reported as missing one.
 fn with_dark(camera: Camera, dark: &[f64]) -> Result<Camera> {
     let spread = Spread::of(dark);
     let logarithms = Spread::of(&dark.iter().map(|d| d.ln()).collect::<Vec<f64>>());
@@ -50,7 +50,7 @@ fn with_dark(camera: Camera, dark: &[f64]) -> Result<Camera> {
         .with_value("mean", spread.median())?
         .with_value("sigma", spread.sd())?
         .with_value("negative", negative)?;
-    // The map contains the tail of the camera file.
+    // The map already contains the tail of the camera file, so the effect is removed.
     Ok(camera.with_effect(effect).without_effect(dark_tail::EFFECT.name))
 }
 
@@ -61,7 +61,8 @@ mod tests {
     use spikelane::unstable::draws::pattern_rng::PatternRng;
     use spikelane::unstable::draws::{RandomStream, Seeds};
 
-    /// What a camera whose map holds `current` of 4,000 normal draws amounts to: mean, spread and tail.
+    /// Returns the mean, the spread and the tail of the population that replaces a map. The map contains `current`
+    /// of 4,000 normal draws.
     fn of(current: impl Fn(f64) -> f64) -> [f64; 3] {
         let seeds = Seeds { camera: 3, shot: 0, sequence: 0 };
         let normals = PatternRng::new(seeds, RandomStream::from_name("reduced")).normals();
@@ -74,7 +75,8 @@ mod tests {
 
     #[test]
     fn a_map_has_the_law_of_its_quantiles() {
-        // The median of 4,000 is off by 1.25 / 63 deviations, a deviation from quartiles by 1.17 / 63 of itself: bounds are 4 of each.
+        // The standard error of the median of 4,000 draws is 1.25 / 63 of the spread. That of a spread from
+        // quartiles is 1.17 / 63 of the spread. The limits are four standard errors.
         let [mean, sigma, tail] = of(|z| 0.45 + 0.1 * z);
         assert!(
             (mean - 0.45).abs() < 0.008 && (sigma - 0.1).abs() < 0.0075 && tail == 0.0,

@@ -1,8 +1,8 @@
-//! Negative dark currents: some models keep them, and others set them to zero.
+//! Detects whether a camera keeps negative dark currents. Some models keep them, and others set them to zero.
 //!
-//! No parameter of the base model states this. Measured: in a camera in which one pixel of two hundred had a negative
-//! current, the tails of the rates about the lines of the pixels in the dark recording and in the dimmest flat deviated
-//! by 6.4 standard deviations, for one camera of three.
+//! No parameter of the base model distinguishes both. Measured with three cameras, in each of which one pixel of
+//! two hundred had a negative current: for one of them, the tails of the rates about the lines of the pixels
+//! deviated by 6.4 standard deviations. The deviations were in the dark recording and in the dimmest flat.
 
 use crate::recordings::scan::Scan;
 use crate::recordings::setup::Setup;
@@ -10,7 +10,7 @@ use crate::statistics::order::Spread;
 use crate::thresholds::{FAINT_PIXELS, MAX_DIM_LIGHT, MIN_CHARGE_DEFICIT_SDS, MIN_SINGLE_DEFICIT_SDS};
 use spikelane_calibrate::fit_line;
 
-/// Returns whether pixels that are silent in the dark also lack charge in the light.
+/// Returns whether some pixels without a spike in the dark recording also have too little charge in dim light.
 pub(crate) fn has_negative_currents(setup: &Setup, scans: &[Scan]) -> bool {
     let level = |k: usize| setup.recordings[k].level().map(|light| (k, light));
     let levels: Vec<(usize, f64)> = (0..scans.len()).filter_map(level).collect();
@@ -23,7 +23,8 @@ pub(crate) fn has_negative_currents(setup: &Setup, scans: &[Scan]) -> bool {
         let rate = scans[dark].pixels[p].rate;
         let point = |(k, light): &(usize, f64)| (*light, scans[*k].pixels[p].rate, light.powi(2));
         let points: Vec<(f64, f64, f64)> = dim.iter().map(point).collect();
-        // The rate of a dead pixel contains no information. The weight of a level is the inverse square of its light.
+        // Weights are the inverse squares of the light. A dead pixel is excluded, because its rate contains no
+        // information.
         let is_alive = points.iter().all(|point| point.1 > 0.0);
         fit_line(&points).filter(|_| is_alive).map(|line| (rate, line.d - rate))
     };
@@ -49,7 +50,8 @@ mod tests {
     use crate::sensors::simulate::scans;
     use spikelane::effects::dark_current;
 
-    /// Published sensors of 48x48 pixels, of which some ten have a current below zero.
+    /// Simulates a published sensor of 48x48 pixels, in which about ten pixels have a negative dark current.
+    /// Returns whether negative currents are detected.
     fn told(kept_below: bool, seed: u64) -> bool {
         let folder = tempfile::tempdir().unwrap();
         let lights = [0.0, 0.03, 0.1, 0.3];

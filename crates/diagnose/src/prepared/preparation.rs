@@ -1,4 +1,4 @@
-//! The second stage of a diagnosis: the light of the recordings, and the base model of the simulations.
+//! The second stage of a diagnosis. It finds the light of the recordings and the base model for the simulations.
 
 use crate::null_model::baseline::{Baseline, StartingCamera};
 use crate::prepared::base_model::BaseModel;
@@ -14,14 +14,15 @@ use spikelane_calibrate::ProgressCallback;
 pub(crate) struct Prepared {
     pub recordings: Recordings,
     pub base: BaseModel,
-    /// The camera of the simulations, whose parameters may be fitted.
+    /// The camera of the simulations. A fit may have changed its parameters.
     start: StartingCamera,
     seed: u64,
 }
 
 impl Prepared {
-    /// Finds the light of the recordings and the parameters of the base model. The rates of a camera determine the light, so it
-    /// is found again if a fit changes the parameters. `is_given` states whether the base model is the camera of the caller.
+    /// Finds the light of the recordings and the parameters of the base model. The found light depends on the
+    /// camera, so it is found again if a fit changes the parameters. `is_given` states whether the base model is
+    /// the camera of the caller.
     pub(crate) fn new(
         mut recordings: Recordings,
         mut base: BaseModel,
@@ -33,8 +34,9 @@ impl Prepared {
         let fitted = &mut recordings.fitted;
         fitted.find_light(&base.camera, seed)?;
         let mut start = StartingCamera::new(base.camera.clone(), context);
-        // A camera file may have wrong parameters, and published parameters belong to another camera. Maps contain only spreads,
-        // and a fit would adapt these to missing effects.
+        // A camera file may have wrong parameters, and published parameters belong to another camera. A fit
+        // therefore corrects them. Rate maps are an exception: they contain spreads only, and a fit would adapt the
+        // spreads to missing effects.
         if (is_given || base.is_guessed()) && !fitted.setup.has_rate_maps {
             progress("own numbers", 0.02);
             let data = DVector::from_column_slice(&fitted.measured.values);
@@ -42,7 +44,7 @@ impl Prepared {
             if let Some(moved) = moved {
                 base = base.fitted(&moved.camera)?;
                 let is_lit_otherwise = fitted.find_light(&moved.camera, seed)?;
-                // Simulations at another light are not those of the null model.
+                // If the light has changed, the null model cannot reuse the simulations of the fit.
                 start = if is_lit_otherwise { StartingCamera::new(moved.camera, context) } else { moved };
             }
         }

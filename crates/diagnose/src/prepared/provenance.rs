@@ -1,4 +1,4 @@
-//! The recordings and the initial model that a report describes.
+//! The origin of a diagnosis for the report: the recordings and the initial model.
 
 use crate::prepared::base_model::{BaseModel, BaseParameter};
 use crate::prepared::recordings::{PreparedSet, Recordings};
@@ -6,7 +6,7 @@ use serde::Serialize;
 use spikelane::effects::Camera;
 use spikelane_calibrate::{RecordedCamera, Stimulus, StimulusPattern};
 
-/// A compared recording.
+/// A recording that was compared with the model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct JudgedRecording {
@@ -16,11 +16,11 @@ pub struct JudgedRecording {
     pub light: String,
     /// Number of compared readouts.
     pub readouts: usize,
-    /// Number of earlier readouts.
+    /// Number of readouts of the recording before the first compared readout.
     pub first_readout: usize,
 }
 
-/// The sets, the camera and the parameters with which a diagnosis began.
+/// The recordings, the camera and the parameters with which a diagnosis began.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Provenance {
@@ -44,9 +44,9 @@ pub struct Provenance {
     pub readout_hz: f64,
     /// The fitted recordings.
     pub recordings: Vec<JudgedRecording>,
-    /// The held-out recordings: a second set, the second halves, or none.
+    /// Description of the held-out recordings: a second set, the second halves, or none.
     pub held_out: String,
-    /// Initial model.
+    /// Name or description of the initial model.
     pub camera: String,
     /// Seed of the simulations.
     pub seed: u64,
@@ -55,8 +55,8 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// Describes the recordings, and the model with which they were compared. `given` is the camera of the caller. `base` is
-    /// `None` if no calibration was possible.
+    /// Describes the recordings and the initial model. `given` is the camera of the caller. `base` is `None` if no
+    /// calibration was possible.
     pub(crate) fn new(
         recordings: &Recordings,
         given: Option<&Camera>,

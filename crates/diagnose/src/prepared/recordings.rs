@@ -1,4 +1,4 @@
-//! The first stage of a diagnosis: measured recordings without faulty ones.
+//! The first stage of a diagnosis. It measures the recordings and excludes those with faults.
 
 use crate::faults::fault::Fault;
 use crate::faults::fault_scan::scan_for_faults;
@@ -12,26 +12,26 @@ use spikelane::effects::Camera;
 use spikelane::error::Result;
 use spikelane_calibrate::RecordingSet;
 
-/// A measured set.
+/// A recording set, its protocol and its measured statistics.
 pub(crate) struct PreparedSet {
     pub set: RecordingSet,
     pub setup: Setup,
     pub measured: MeasuredSet,
 }
 
-/// The recordings that test a fitted model.
+/// The recordings that test a fitted model without being fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum HeldOut {
     /// A second recording set.
     SecondSet,
     /// The second half of every recording. The first halves are fitted.
     SecondHalves,
-    /// None: the fitted recordings are compared again.
+    /// No recordings. The fitted recordings are compared again.
     None,
 }
 
 impl HeldOut {
-    /// Returns whether other recordings than the fitted ones are held out.
+    /// Returns whether the test uses other recordings than the fitted ones.
     pub(crate) fn is_any(self) -> bool {
         self != Self::None
     }
@@ -53,22 +53,24 @@ impl HeldOut {
     }
 }
 
-/// The measured recordings of a diagnosis, without faulty ones.
+/// The measured recordings of a diagnosis. Recordings with faults are excluded.
 pub(crate) struct Recordings {
     pub fitted: PreparedSet,
-    /// The held-out set; the fitted set if nothing is held out.
+    /// The held-out set, or the fitted set if nothing is held out.
     pub judging: PreparedSet,
     pub held_out: HeldOut,
-    /// File and number of readouts that were excluded at the start of a recording, because all pixels began together.
+    /// Recordings whose start was excluded because all pixels began together: file name, and number of excluded
+    /// readouts.
     pub aside: Vec<(String, usize)>,
-    /// Range of the charges at the first readout in thresholds, if all pixels began together.
+    /// Range of the charges at the first readout, in thresholds. `None` if the pixels did not begin together.
     pub begun_over: Option<f64>,
-    /// Faults of the laboratory.
+    /// Faults of lamps, scenes and files.
     pub faults: Vec<Fault>,
 }
 
 impl PreparedSet {
-    /// Reads and measures a part of `set`.
+    /// Reads and measures a part of `set`. `aside` contains the number of readouts that are excluded at the start
+    /// of each recording.
     pub(crate) fn new(
         set: &RecordingSet,
         part: RecordingPart,
@@ -80,7 +82,8 @@ impl PreparedSet {
         Ok(Self { set: set.clone(), setup, measured })
     }
 
-    /// Finds the light of the recordings from their rates for a sensor of `camera`. Returns whether it changed.
+    /// Finds the light of the recordings: the light at which sensors of `camera` have the measured rates. Returns
+    /// whether the light changed.
     pub(crate) fn find_light(&mut self, camera: &Camera, seed: u64) -> Result<bool> {
         let mut setup = self.setup.clone();
         let is_other = find_light(&mut setup, &self.measured.scans, camera, seed)?;
@@ -98,8 +101,8 @@ impl PreparedSet {
         }
     }
 
-    /// Sets the light to that of the `fitted` set. If this set has other lamps, finds their light for a sensor of
-    /// `camera`.
+    /// Sets the light of this set to the light of the `fitted` set. If this set was recorded with other lamps, then
+    /// finds its own light for sensors of `camera`.
     pub(crate) fn light_as(
         &mut self,
         fitted: &Setup,
@@ -119,7 +122,7 @@ impl PreparedSet {
         Ok(())
     }
 
-    /// Removes recordings.
+    /// Returns the set without the recordings with the indices `dropped`.
     fn without(self, dropped: &[usize]) -> Self {
         let Self { mut set, setup, measured } = self;
         let kept = |k: &usize| !dropped.contains(k);
@@ -138,7 +141,7 @@ impl PreparedSet {
 }
 
 impl Recordings {
-    /// Reads and measures both sets as they are.
+    /// Reads and measures both sets without any check for faults.
     pub(crate) fn unchecked(
         sets: [&RecordingSet; 2],
         held_out: HeldOut,
@@ -156,7 +159,8 @@ impl Recordings {
         })
     }
 
-    /// Reads and measures both sets. Excludes readouts in which pixels that began together fire together, and faulty recordings.
+    /// Reads and measures both sets. If pixels began together, excludes the readouts in which they still fire
+    /// together. Also excludes recordings with faults.
     pub(crate) fn read(
         sets: [&RecordingSet; 2],
         held_out: HeldOut,
@@ -165,7 +169,7 @@ impl Recordings {
         let mut read = Self::unchecked(sets, held_out, extent, &[])?;
         let begun_over = begun_over(&read.fitted.setup, &read.fitted.measured.scans);
         let mut aside = in_step(&read.fitted.setup, &read.fitted.measured.scans);
-        // The second halves of recordings begin where the first halves end.
+        // The second half of a recording starts where the first half ends, so its pixels did not begin together.
         if held_out != HeldOut::SecondHalves {
             let other = in_step(&read.judging.setup, &read.judging.measured.scans);
             aside = aside.iter().zip(&other).map(|(a, b)| *a.max(b)).collect();
@@ -179,7 +183,7 @@ impl Recordings {
         Ok(read.without_faults())
     }
 
-    /// Excludes the recordings that are faulty in either set.
+    /// Excludes the recordings that have a fault in at least one of both sets.
     fn without_faults(mut self) -> Self {
         let mut scan = scan_for_faults(&self.fitted.setup, &self.fitted.measured.scans);
         let have_equal_length = self.fitted.setup.recordings.len() == self.judging.setup.recordings.len();

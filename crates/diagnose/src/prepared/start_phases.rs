@@ -1,9 +1,9 @@
 //! The phases of the pixels at the start of a recording.
 //!
-//! The phases are a property of the recording and not of the camera. The pixels of a running camera have random phases,
-//! and those of a simulation may begin together. Until pixels of different rates have drifted apart, the bursts of such
-//! a recording exceed all of its noise, and no calibrated parameter is precise enough to predict them. These readouts
-//! are excluded.
+//! The phases are a property of the recording, not of the camera. The pixels of a running camera have random
+//! phases. The pixels of a simulation may begin together, and then fire in bursts until their different rates have
+//! driven them apart. The bursts exceed all noise of the recording, and no calibrated parameter is precise enough
+//! to predict them. The readouts with bursts are therefore excluded.
 
 use crate::recordings::scan::{PixelScan, Scan};
 use crate::recordings::setup::Setup;
@@ -14,12 +14,13 @@ use crate::thresholds::{
 };
 use spikelane_calibrate::unstable::SATURATION_RATE;
 
-/// Returns the number of excluded readouts at the start of each recording, in which pixels that began together still
-/// fire together.
+/// Returns the number of readouts that are excluded at the start of each recording. In these readouts, pixels that
+/// began together still fire together.
 pub(crate) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> {
     let scenes =
         || setup.recordings.iter().zip(scans).filter(|(s, _)| s.is_constant() && s.static_scene.is_none());
-    // The first spike of a bright pixel does not show its phase, but all recordings of a set begin in the same way.
+    // The first spike of a bright pixel does not show its start phase. However, all recordings of a set begin in
+    // the same way, so dim recordings show it for all.
     if setup.has_rate_maps || !scenes().any(|(_, scan)| began_together(scan)) {
         return vec![0; setup.recordings.len()];
     }
@@ -34,9 +35,11 @@ pub(crate) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> {
     scans.iter().enumerate().map(aside).collect()
 }
 
-/// Returns the range of the charges at the first readout in thresholds, or `None` if the pixels did not begin together.
-/// Pixels whose resets lose charge lock to the readouts and never drift apart, so a model must begin as the recordings
-/// did.
+/// Returns the range of the charges at the first readout, in thresholds. Returns `None` if the pixels did not begin
+/// together.
+///
+/// A model must begin like the recordings. If a reset loses charge, the spikes of a pixel lock to the readouts, and
+/// such pixels never drift apart.
 pub(crate) fn begun_over(setup: &Setup, scans: &[Scan]) -> Option<f64> {
     let scenes =
         || setup.recordings.iter().zip(scans).filter(|(s, _)| s.is_constant() && s.static_scene.is_none());
@@ -50,19 +53,19 @@ pub(crate) fn begun_over(setup: &Setup, scans: &[Scan]) -> Option<f64> {
     Some((2.0 * median).clamp(0.0, 1.0))
 }
 
-/// Returns whether the first spike of a pixel shows its phase.
+/// Returns whether the first spike of a pixel shows its start phase.
 fn first_tells(p: &PixelScan) -> bool {
     p.count >= 3 && p.rate < MAX_PHASE_RATE
 }
 
-/// Returns the charge at the first readout in thresholds. A spike occurs at a uniformly distributed time in its
-/// readout.
+/// Returns the charge at the first readout, in thresholds. It assumes that the first spike occurs in the middle of
+/// its readout.
 fn charge(p: &PixelScan) -> f64 {
     1.0 - p.rate * (f64::from(p.first) + 0.5)
 }
 
-/// Returns the rates of the pixels that fire, but not at every readout. Saturated pixels never drift apart and cause no
-/// bursts.
+/// Returns the rates of the pixels that fire, but not at every readout. Saturated pixels never drift apart, and
+/// they do not cause bursts. For a large sensor, only a part of the pixels is used.
 fn rates(scan: &Scan) -> Vec<f64> {
     let step = scan.pixels.len().div_ceil(MAX_DRIFT_PIXELS).max(1);
     scan.pixels
@@ -73,7 +76,7 @@ fn rates(scan: &Scan) -> Vec<f64> {
         .collect()
 }
 
-/// Returns the length of the mean of unit vectors at these phases in turns.
+/// Returns the length of the mean of unit vectors at the phases `turns`. A phase of 1 is a full turn.
 fn mean_length(turns: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut n) = ([0.0; 2], 0.0);
     for turn in turns {
@@ -89,8 +92,8 @@ fn began_together(scan: &Scan) -> bool {
     dim().count() >= MIN_PHASE_PIXELS && mean_length(dim().map(charge)) > MIN_COMMON_PHASE
 }
 
-/// Returns the readout from which on pixels that began together have drifted apart, at most the length divided by
-/// [`MAX_ASIDE_DIVISOR`].
+/// Returns the first readout at which pixels that began together have drifted apart. The result is at most the
+/// length of the recording divided by [`MAX_ASIDE_DIVISOR`].
 fn apart(scan: &Scan, readouts: usize) -> usize {
     let rates = rates(scan);
     let most = readouts / MAX_ASIDE_DIVISOR;
@@ -102,7 +105,7 @@ fn apart(scan: &Scan, readouts: usize) -> usize {
         return most;
     }
     let chance = MAX_CHANCE_PHASE / (rates.len() as f64).sqrt();
-    // Pixels with long cycles drift apart slowly, so a step of a sixteenth of a cycle is sufficient.
+    // Phases of pixels with long cycles change slowly, so a step of a sixteenth of a mean cycle is sufficient.
     let mean = rates.iter().sum::<f64>() / rates.len() as f64;
     let step = ((1.0 / (16.0 * mean)) as usize).max(1);
     let last = most.saturating_sub(1) / step * step;
@@ -110,8 +113,8 @@ fn apart(scan: &Scan, readouts: usize) -> usize {
         let of = |f: &f64| (std::f64::consts::TAU * (f * readouts as f64).fract()).sin_cos();
         rates.iter().map(of).map(|(sin, cos)| [cos, sin]).collect()
     };
-    // The phases are turned back from the last readout by one step at a time, which needs a product instead of a sine
-    // and a cosine.
+    // The loop starts at the last readout and rotates all phases back by one step per iteration. This requires a
+    // complex product instead of a sine and a cosine.
     let (back, mut at) = (turn(step), turn(last));
     for t in (0..most).step_by(step).rev() {
         let sum = at.iter().fold([0.0; 2], |sum: [f64; 2], z| [sum[0] + z[0], sum[1] + z[1]]);
@@ -132,7 +135,8 @@ mod tests {
     use spikelane::unstable::draws::pattern_rng::PatternRng;
     use spikelane::unstable::draws::{RandomStream, Seeds};
 
-    /// 48x48 pixels of rate 0.03 with a spread of a tenth, which begin with charges over this share of a threshold.
+    /// Returns a scan of 48x48 pixels with rates of 0.03 and a relative spread of 0.1. The start charges are
+    /// uniform from 0 to `share` thresholds.
     fn begun(share: f64) -> Scan {
         let seeds = Seeds { camera: 1, shot: 0, sequence: 0 };
         let mut normals = PatternRng::new(seeds, RandomStream::from_name("phases")).normals();
@@ -165,7 +169,7 @@ mod tests {
 
     #[test]
     fn pixels_drift_apart_as_their_rates_say() {
-        // exp(-2 pi^2 (0.003 t)^2) falls to 3 / 48 at t = 125.
+        // The mean length is `exp(-2 pi^2 (0.003 t)^2)`. It falls to 3 / 48, the limit of the test, at t = 125.
         let found = apart(&begun(0.2), 4000);
         assert!((110..150).contains(&found), "{found}");
         assert_eq!(apart(&begun(0.2), 300), 100, "a third at most");

@@ -1,6 +1,6 @@
-//! The bits of a recording, stored by pixel, with counts of spikes.
+//! The bits of a recording, stored by pixel, and counts of spikes.
 //!
-//! Statistics along time become operations on whole words.
+//! With this layout, statistics over time are operations on words of 64 readouts.
 
 use spikelane::error::Result;
 use spikelane::spikes::{Geometry, SpikeFramesRef};
@@ -8,14 +8,15 @@ use spikelane::unstable::kernels::{BitOps, I16Lanes, Task, dispatch_task};
 use spikelane::unstable::{inputs, threads};
 use spikelane_measure::{Accumulator, MeasureOptions};
 
-/// Number of pixel ranges that are scanned in parallel. The number is fixed, because a sum of partial sums depends on
-/// the limits of the parts.
+/// Number of pixel ranges that are scanned in parallel. The number is the same on all machines, because the
+/// rounding of a sum of partial sums depends on the ranges.
 pub(crate) const BAND_COUNT: usize = 8;
 
-/// Number of groups of 64 pixels that one task transposes. 8 groups have 64 bytes per frame, which is one cache line.
+/// Number of groups of 64 pixels that one task transposes. The bits of 8 groups have 64 bytes per frame, which is
+/// one cache line.
 const GROUPS_PER_TASK: usize = 8;
 
-/// The bits of a recording by pixel. Bit `t % 64` of word `t / 64` of a pixel is readout `t`.
+/// The bits of a recording by pixel. Bit `t % 64` of word `t / 64` of a pixel is the bit of readout `t`.
 #[derive(Clone, Debug)]
 pub(crate) struct PixelBits {
     pub geometry: Geometry,
@@ -52,8 +53,8 @@ impl PixelBits {
     }
 }
 
-/// A task that transposes some groups of 64 pixels. `first` is the index of the first group, and each pixel has
-/// `words` words.
+/// A task that transposes some groups of 64 pixels. `first` is the index of the first group. `words` is the number
+/// of words per pixel.
 struct TransposeTask<'a> {
     frames: SpikeFramesRef<'a>,
     first: usize,
@@ -71,7 +72,7 @@ impl Task for TransposeTask<'_> {
         for (w, frames) in self.frames.as_bytes().chunks(64 * bytes).enumerate() {
             for (group, pixels) in self.pixels.chunks_exact_mut(64 * self.words).enumerate() {
                 let at = 8 * (self.first + group);
-                // The bits after the last readout are zero.
+                // Bits after the last readout must be zero.
                 block[frames.len() / bytes..].fill(0);
                 for (word, frame) in block.iter_mut().zip(frames.chunks_exact(bytes)) {
                     *word = word_at(frame, at);
@@ -97,12 +98,12 @@ fn word_at(bytes: &[u8], at: usize) -> u64 {
     }
 }
 
-/// Counts the spikes in blocks of time that end at `ends`, in ascending order.
+/// Counts the spikes in successive blocks of time. `ends` contains the end of each block, in ascending order.
 #[inline(always)]
 pub(crate) fn count_blocks<const N: usize>(words: &[u64], ends: &[usize; N]) -> [u32; N] {
     let (mut word, mut before, mut total) = (0, 0, 0);
     let mut counts = [0; N];
-    // A closure of `map` would be a function call without the population count instruction.
+    // A closure in `map` would not be compiled with the population count instruction of this function.
     for (count, end) in counts.iter_mut().zip(ends) {
         while word < end / 64 {
             total += words[word].count_ones();
@@ -121,7 +122,8 @@ pub(crate) fn count_between(words: &[u64], from: usize, to: usize) -> u32 {
     count_blocks(words, &[from, to])[1]
 }
 
-/// Counts the readouts at which both pixels fire, and those at which one pixel fires one readout after the other.
+/// Counts the readouts at which both pixels fire. Also counts the pairs of spikes in which one pixel fires one
+/// readout after the other.
 #[inline(always)]
 pub(crate) fn coincidences(a: &[u64], b: &[u64]) -> [u64; 2] {
     let n = a.len().min(b.len());
@@ -132,8 +134,8 @@ pub(crate) fn coincidences(a: &[u64], b: &[u64]) -> [u64; 2] {
         coincident += both(*a, *b);
         delayed += both(a << 1, *b) + both(b << 1, *a);
     }
-    // Each word takes its carry from the previous word and not from the previous iteration. The iterations are
-    // independent, so the compiler vectorizes the loop.
+    // The carry comes from the previous word, not from the previous iteration. The iterations are therefore
+    // independent, and the compiler vectorizes the loop.
     for i in 1..n {
         coincident += both(a[i], b[i]);
         delayed += both(a[i] << 1 | a[i - 1] >> 63, b[i]) + both(b[i] << 1 | b[i - 1] >> 63, a[i]);
@@ -141,7 +143,8 @@ pub(crate) fn coincidences(a: &[u64], b: &[u64]) -> [u64; 2] {
     [coincident, delayed]
 }
 
-/// Returns the number of spikes of each readout, and the number of bits that differ between successive readouts.
+/// Returns the number of spikes in each readout, and the number of bits that differ between each readout and the
+/// next one.
 ///
 /// # Errors
 /// Those of [`Accumulator::push`].

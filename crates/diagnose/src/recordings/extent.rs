@@ -1,14 +1,14 @@
-//! Selection of the readouts that are judged.
+//! Selection of the readouts that a diagnosis compares with the model.
 
 use crate::thresholds::{MAX_PIXEL_READOUTS, MIN_JUDGED_HALF_PERIODS, MIN_JUDGED_READOUTS};
 use spikelane::spikes::Geometry;
 use spikelane_calibrate::{Stimulus, StimulusPattern};
 
-/// The readouts of large recordings that are judged.
+/// The readouts of large recordings that are compared with the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ReadoutSelection {
-    /// The first 35 million pixel-readouts of each recording, but at least 1,250 readouts, or five half periods of a
-    /// square wave.
+    /// The first 35 million pixel-readouts of each recording. The minimum is 1,250 readouts, or five half periods
+    /// of a square wave.
     #[default]
     Leading,
     /// All readouts.
@@ -16,7 +16,7 @@ pub enum ReadoutSelection {
 }
 
 impl ReadoutSelection {
-    /// Returns the largest number of readouts that are judged.
+    /// Returns the largest number of readouts of a recording that are compared with the model.
     pub(crate) fn max_readouts(self, geometry: Geometry, light: Stimulus) -> usize {
         let min_readouts = match light {
             Stimulus::Scene(StimulusPattern::Square { half_period, .. }) => {
@@ -42,8 +42,8 @@ pub enum RecordingPart {
     SecondHalf,
 }
 
-/// Returns the first readout and the number of readouts of a part. The first `aside` readouts are excluded. Both
-/// halves have the same length.
+/// Returns the first readout and the number of readouts of a part. The first `aside` readouts of the recording are
+/// excluded. Both halves have the same length. A square wave is divided at a whole period.
 pub(crate) fn select_readouts(
     readouts: usize,
     light: Stimulus,

@@ -1,4 +1,4 @@
-//! Joint statistics of pixels: halves of rows, and coincidences of neighbors.
+//! Statistics of groups of pixels: the correlation between the halves of rows, and coincidences of neighbors.
 
 use std::ops::Range;
 
@@ -9,11 +9,11 @@ use spikelane::unstable::threads;
 /// Number of words that are processed together, so that the compiler vectorizes the loops.
 const LANE_WORDS: usize = 8;
 
-/// Largest number of binary digits of a count of pixels in half a row.
+/// Largest number of binary digits of the spike count of half a row.
 const MAX_DIGITS: usize = 28;
 
-/// Returns the correlation between the spike counts of the two halves of a row over readouts, averaged over the rows.
-/// Row noise increases it.
+/// Returns the correlation over time between the spike counts of the left and of the right half of a row. The
+/// result is the mean over all rows. Row noise increases it.
 pub(crate) fn row_halves(bits: &PixelBits) -> f64 {
     if bits.geometry.width() < 4 || bits.readouts < 2 {
         return 0.0;
@@ -24,16 +24,17 @@ pub(crate) fn row_halves(bits: &PixelBits) -> f64 {
             || row_correlation(bits, row),
         )
     };
-    // The sum has a fixed order, because the rounding of a sum depends on its order.
+    // The rows are summed in a fixed order, because the rounding of a sum depends on the order.
     let rows: Vec<f64> = threads::map(0..bits.geometry.height(), of_row);
     rows.iter().sum::<f64>() / bits.geometry.height() as f64
 }
 
-/// Numbers of spikes in half a row at `64 * LANE_WORDS` readouts, in binary. The element `[d][w]` holds digit `d` of
-/// the counts at 64 readouts, one bit per readout.
+/// Spike counts of half a row at `64 * LANE_WORDS` readouts, as binary numbers. The element `[d][w]` contains digit
+/// `d` of the counts at 64 readouts, with one bit per readout.
 type Digits = [[u64; LANE_WORDS]];
 
-/// Counts the spikes of `pixels` at each readout from word `w` on, with a binary adder over bits.
+/// Counts the spikes of `pixels` at each readout, from word `w` on. It is a binary adder that processes 64 readouts
+/// per operation.
 #[inline(always)]
 fn sum_bits(bits: &PixelBits, pixels: Range<usize>, w: usize, number: &mut Digits) {
     number.fill([0; LANE_WORDS]);
@@ -54,7 +55,8 @@ fn sum_bits(bits: &PixelBits, pixels: Range<usize>, w: usize, number: &mut Digit
     }
 }
 
-/// Adds the products `a * b` at all readouts to `sums`: the product of digits `i` and `j` has the weight `2^(i + j)`.
+/// Adds the product `a * b` at each readout to `sums`. `a` and `b` are spike counts as binary digits ([`Digits`]).
+/// The product of digit `i` of `a` and digit `j` of `b` has the weight `2^(i + j)`.
 #[inline(always)]
 fn add_products(a: &Digits, b: &Digits, sums: &mut [u64; LANE_WORDS]) {
     for (i, a) in a.iter().enumerate() {
@@ -66,7 +68,7 @@ fn add_products(a: &Digits, b: &Digits, sums: &mut [u64; LANE_WORDS]) {
     }
 }
 
-/// Returns the correlation between the halves of one row.
+/// Returns the correlation over time between the spike counts of both halves of one row.
 #[inline(always)]
 fn row_correlation(bits: &PixelBits, row: usize) -> f64 {
     let (width, n) = (bits.geometry.width(), bits.readouts as f64);
@@ -89,8 +91,9 @@ fn row_correlation(bits: &PixelBits, row: usize) -> f64 {
     if scale > 0.0 { (lr - l1 * r1) / scale } else { 0.0 }
 }
 
-/// Returns the coincidences of neighbors divided by their expectation, minus 1: right and below at lag 0, then at lag 1.
-/// `counts` are the spikes of each pixel.
+/// Returns the coincidences of neighbors divided by their expectation, minus 1. The elements are: right and below
+/// at the same readout, then right and below at the next readout. `counts` contains the number of spikes of each
+/// pixel.
 pub(crate) fn neighbors(bits: &PixelBits, counts: &[u32]) -> [f64; 4] {
     let of_row = |row: usize| {
         dispatch(
@@ -106,12 +109,13 @@ pub(crate) fn neighbors(bits: &PixelBits, counts: &[u32]) -> [f64; 4] {
     })
 }
 
-/// Returns the found and the expected coincidences for the neighbors to the right and below at lag 0, then at lag 1.
+/// Returns the observed and the expected coincidences for one row. The elements are those of [`neighbors`].
 #[inline(always)]
 fn row_neighbors(bits: &PixelBits, counts: &[u32], row: usize) -> [[f64; 2]; 4] {
     let (width, n) = (bits.geometry.width(), counts.len());
     let mut sums = [[0.0; 2]; 4];
-    // The pixels of one color of a checkerboard cover every second pair, and each pair once.
+    // The pixels of one color of a checkerboard are visited. This includes half of all neighboring pairs, and no
+    // pair twice.
     for p in (row * width + row % 2..(row + 1) * width).step_by(2) {
         let others = [(p % width + 1 < width, p + 1), (p + width < n, p + width)];
         for (k, (inside, q)) in others.into_iter().enumerate() {
@@ -135,7 +139,7 @@ mod tests {
     use crate::recordings::bits::readout_totals;
     use spikelane::spikes::{Geometry, SpikeFramesRef, bit, set_bit};
 
-    /// A recording whose readouts do not fill whole words, and whose rows and frames do not fill whole bytes.
+    /// Returns a recording whose readouts do not fill whole words. Its rows and frames do not fill whole bytes.
     fn recording(geometry: Geometry) -> Vec<u8> {
         let mut bytes = vec![0; 700 * geometry.frame_bytes()];
         for (t, frame) in bytes.chunks_exact_mut(geometry.frame_bytes()).enumerate() {

@@ -1,4 +1,4 @@
-//! One recording of a set: its light and the quantities that are measured in it.
+//! One recording of a set: its light, and the quantities that are measured in it.
 
 use std::hash::{Hash as _, Hasher};
 
@@ -14,24 +14,25 @@ use spikelane_calibrate::{Stimulus, StimulusPattern};
 use spikelane_io::formats::StreamReader;
 use spikelane_measure::select_uniform;
 
-/// The protocol of one recording.
+/// The protocol of one recording: its light and its readouts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedScene {
     /// Path of the file.
     pub name: String,
     /// Stated light.
     pub light: Stimulus,
-    /// Number of judged readouts.
+    /// Number of readouts that are compared with the model.
     pub readouts: usize,
-    /// Number of earlier readouts of the same recording.
+    /// Number of readouts of the recording before the first compared readout.
     pub first_readout: usize,
-    /// The static scene under unknown light, if the recording shows one.
+    /// The static scene of unknown light, or `None` if the light is stated.
     pub static_scene: Option<StaticScene>,
     /// Relative standard deviation of the stated light.
     pub light_uncertainty: f64,
     /// Sources of the light.
     pub(crate) sources: Sources,
-    /// Relative deviation of the found light from the stated light. Sensors are simulated at the found light.
+    /// Relative deviation of the found light from the stated light. The found light is the light at which simulated
+    /// sensors have the measured rates.
     pub light_offset: f64,
 }
 
@@ -48,7 +49,7 @@ impl RecordedScene {
         self.light.level()
     }
 
-    /// Returns the found light, with which the statistics compare the rates.
+    /// Returns the light of the recording as found from its rates. The statistics compare the rates at this light.
     pub(crate) fn found_light(&self) -> Stimulus {
         self.light.scale(1.0 + self.light_offset)
     }
@@ -81,23 +82,24 @@ impl RecordedScene {
         }
     }
 
-    /// Returns whether the halves of rows are compared, which requires many spikes under constant light.
+    /// Returns whether the halves of rows are compared. This requires many spikes under constant, stated light.
     pub(crate) fn has_row_halves(&self) -> bool {
         self.is_constant() && self.static_scene.is_none() && self.brightness() >= 0.09
     }
 
-    /// Returns whether the light is constant and so low that all intervals are measured.
+    /// Returns whether the light is constant and low. All intervals of such a recording are measured.
     pub(crate) fn is_dim(&self) -> bool {
         self.is_constant() && self.brightness() < MAX_INTERVAL_RATE
     }
 
-    /// Returns the half period of a square wave in readouts, if it is long enough for the response to a step.
+    /// Returns the half period of a square wave in readouts. Returns `None` for other light, or if the half period
+    /// is too short to measure the response to a step.
     pub(crate) fn half_period(&self) -> Option<usize> {
         let Stimulus::Scene(StimulusPattern::Square { half_period, .. }) = self.light else { return None };
         Some(half_period as usize).filter(|h| *h >= MIN_RESPONSE_HALF_PERIOD)
     }
 
-    /// Returns the quantities that are measured in the recording.
+    /// Returns which optional quantities are measured in the recording.
     pub(crate) fn scan_options(&self) -> ScanOptions {
         ScanOptions {
             with_intervals: self.is_dim(),
@@ -107,20 +109,20 @@ impl RecordedScene {
     }
 }
 
-/// A static scene under unknown light, as the rates of a recording show it.
+/// A static scene of unknown light. Its light is estimated from the rates of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StaticScene {
     /// Rate of every pixel, in spikes per readout.
     rates: Vec<f64>,
-    /// Mean rates around each pixel: the scene without the fixed pattern of the pixels.
+    /// Mean rate in the square around each pixel. It shows the scene without the fixed pattern of the pixels.
     pub(crate) surface: Vec<f64>,
-    /// Pixels in uniform areas whose rates in both halves of the recording agree.
+    /// Indices of the pixels in uniform areas whose rates agree between both halves of the recording.
     uniform: Vec<usize>,
     /// Mean rate of the uniform pixels.
     pub(crate) mean: f64,
     /// Highest rate of a pixel.
     pub(crate) brightest: f64,
-    /// Share of the pixels that changed in patches, if the scene moves.
+    /// Share of the pixels that changed in patches. `None` if the scene does not move.
     pub(crate) moving_share: Option<f64>,
 }
 
@@ -130,7 +132,7 @@ impl StaticScene {
     /// # Errors
     /// If the recording cannot be read, does not look like an image at its size, or has too few uniform, static pixels.
     pub(crate) fn read(reader: &StreamReader, readouts: usize) -> Result<Self> {
-        // The uniform areas of a scene are unknown until its width, height and layout are right.
+        // If the width, the height or the layout is wrong, the uniform areas of the scene cannot be found.
         if let Some(warning) = reader.layout_guesses()?.warning() {
             return Err(Error::new(ErrorKind::Input, reader.name())
                 .found(format_args!("a wrong size or layout ({warning})")));
@@ -145,7 +147,7 @@ impl StaticScene {
             if late { b.iter().sum() } else { a.iter().sum() }
         };
         let is_static = |p: &usize| half(&scan.pixels[*p], false).abs_diff(half(&scan.pixels[*p], true)) <= 2;
-        // A limit of 6 % over 11x11 pixels is below the contrast of an edge and above the spread of the pixels.
+        // The limit of 6 % over 11x11 pixels is below the contrast of an edge, and above the spread of the pixels.
         let uniform = select_uniform(&rates, geometry.width(), &COMPARED_RATES, 5, 0.06);
         let uniform: Vec<usize> = uniform.into_iter().filter(is_static).collect();
         if uniform.len() < MIN_UNIFORM_PIXELS {
@@ -168,7 +170,7 @@ impl StaticScene {
         Ok(Self { rates, surface, uniform, mean, brightest, moving_share })
     }
 
-    /// Hashes all fields exactly.
+    /// Hashes the bits of all fields.
     pub(crate) fn hash_exactly(&self, into: &mut impl Hasher) {
         let Self { rates, surface, uniform, mean, brightest, moving_share } = self;
         let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
@@ -176,7 +178,7 @@ impl StaticScene {
             .hash(into);
     }
 
-    /// Counts the uniform pixels in a range of pixels.
+    /// Returns the number of uniform pixels in a range of pixels.
     pub(crate) fn uniform_in(&self, pixels: std::ops::Range<usize>) -> usize {
         self.uniform.iter().filter(|p| pixels.contains(p)).count()
     }
@@ -192,19 +194,20 @@ impl StaticScene {
         self.brightest = self.rates.iter().copied().fold(0.0, f64::max);
     }
 
-    /// Reduces a scan to the uniform pixels.
+    /// Removes all pixels from a scan except the uniform pixels.
     pub(crate) fn retain_uniform(&self, scan: &mut Scan) {
         let width = scan.geometry.width();
         scan.contrast = self.neighbor_contrast(scan, width);
         scan.pixels = self.uniform.iter().map(|p| scan.pixels[*p]).collect();
     }
 
-    /// Returns the standard deviation of the relative difference between neighbors in a row. On a uniform surface, the
-    /// differences are the fixed pattern of the camera.
+    /// Returns the standard deviation of the relative difference between neighbors in a row. On a uniform surface,
+    /// the fixed pattern of the camera causes these differences.
     ///
-    /// Rates of a few dozen intervals are fractions with small numbers, and many pixels share one. A median of the
-    /// differences jumps from one fraction to the next. The mean of differences that are cut at three deviations does
-    /// not jump, and hot pixels hardly move it.
+    /// The rates come from a few dozen intervals, so they are fractions of small numbers, and many pixels have the
+    /// same rate. The median of the differences would jump from one fraction to the next. The result is instead
+    /// computed from the mean of the differences, limited to three standard deviations. This mean does not jump,
+    /// and hot pixels hardly change it.
     fn neighbor_contrast(&self, scan: &Scan, width: usize) -> f64 {
         let pairs = self.uniform.windows(2).filter(|w| w[1] == w[0] + 1 && w[1] % width != 0);
         let rate = |p: usize| scan.pixels[p].rate;
@@ -214,7 +217,7 @@ impl StaticScene {
         }
         let limit = 3.0 * 1.4826 * spikelane_measure::median(&mut steps);
         let mean = steps.iter().map(|step| step.min(limit)).sum::<f64>() / steps.len() as f64;
-        // The mean of the size of a normal number is sqrt(2 / pi).
+        // The mean absolute value of a standard normal variable is sqrt(2 / pi).
         (std::f64::consts::PI / 2.0).sqrt() * mean / self.mean
     }
 }

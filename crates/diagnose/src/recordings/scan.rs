@@ -1,4 +1,4 @@
-//! One pass over a recording, which collects the quantities of every pixel and every readout.
+//! One pass over a recording that measures every pixel and every readout.
 
 use std::ops::Range;
 
@@ -12,52 +12,55 @@ use spikelane::unstable::kernels::{BitOps, I16Lanes, MAX_SPIKES, OVERRUN, Positi
 use spikelane::unstable::{inputs, threads};
 use spikelane_measure::{SceneMotion, detect_motion};
 
-/// Number of blocks of time whose spike counts are compared.
+/// Number of blocks of time in which spikes are counted.
 pub(crate) const BLOCK_COUNT: usize = 8;
 
-/// Lags of the phase variance, in intervals.
+/// Lags at which the variance of the phase is measured, in intervals.
 pub(crate) const PHASE_LAGS: [usize; 3] = [1, 4, 16];
 
-/// Longest interval, in readouts, that is found by shifted words. Longer intervals of a bright pixel are not examined.
+/// Longest mean interval, in readouts, of a bright pixel whose intervals are counted with shifted words. The
+/// intervals of bright pixels with longer mean intervals are not examined.
 const MAX_SHIFTED_INTERVAL: usize = 8;
 
-/// Number of positions that are converted together.
+/// Number of spike positions that are converted in one loop.
 const POSITION_CHUNK: usize = 16;
 
 /// Number of words that are processed together, so that the compiler vectorizes the loops.
 const LANE_WORDS: usize = 8;
 
-/// The quantities of one pixel.
+/// The measured quantities of one pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PixelScan {
     pub count: u32,
     /// Readout of the first spike, or 0 without a spike.
     pub first: u32,
-    /// Spikes per readout. From three spikes on, it is the number of intervals divided by the time between the first
-    /// and the last spike.
+    /// Spikes per readout. If the pixel has at least three spikes, it is the number of intervals divided by the
+    /// time between the first and the last spike.
     pub rate: f64,
     pub blocks: [u32; BLOCK_COUNT],
-    /// Sum of the phase variance at each of [`PHASE_LAGS`] without its quantization, in thresholds squared. `terms` contains
-    /// the number of summands.
+    /// Sum of the phase variance at each of [`PHASE_LAGS`], in thresholds squared. The variance by quantization to
+    /// whole readouts is subtracted. `terms` contains the numbers of summands.
     pub variance: [f64; PHASE_LAGS.len()],
     pub terms: [f64; PHASE_LAGS.len()],
-    /// Sums of the products of the deviations of intervals at distance 1 and 2, in thresholds squared.
+    /// Sum of the products of the deviations of two intervals at distance 1, and at distance 2, in thresholds
+    /// squared.
     pub covariance: [f64; 2],
-    /// Number of spikes from [`SETTLED_READOUTS`](crate::thresholds::SETTLED_READOUTS) after each fall of the light to
-    /// the next rise.
+    /// Number of spikes between each fall of the light and the next rise. The first [`SETTLED_READOUTS`] readouts
+    /// after a fall are excluded.
     pub after_falls: u32,
-    /// Number of intervals shorter than the lattice of the pixel, and number of longer intervals.
+    /// Number of intervals that are shorter than the two whole numbers around the mean interval, and number of
+    /// longer ones. For a dim pixel, a difference of one readout does not count.
     pub off_lattice: [u32; 2],
 }
 
 /// The optional quantities of a scan.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ScanOptions {
-    /// Whether all intervals are measured. It is set for dim scenes, whose spikes are few.
+    /// Whether all intervals are measured. It is set for dim scenes, whose pixels have few spikes.
     pub with_intervals: bool,
     /// Whether the correlation between the halves of rows is computed.
     pub with_row_halves: bool,
-    /// Half period of a square wave in readouts, whose dark stretches are counted.
+    /// Half period of a square wave in readouts. If it is set, the spikes in the dark stretches are counted.
     pub half_period: Option<usize>,
 }
 
@@ -68,22 +71,24 @@ pub(crate) struct Scan {
     pub pixels: Vec<PixelScan>,
     /// Number of spikes of each readout.
     pub totals: Vec<u32>,
-    /// Number of bits that changed since the previous readout.
+    /// Number of bits that differ between each readout and the next one.
     pub changes: Vec<u32>,
     /// Mean correlation between the spike counts of the halves of a row.
     pub row_halves: f64,
-    /// Coincidences of neighbors divided by their expectation, minus 1: right and below at lag 0, then at lag 1.
+    /// Coincidences of neighbors divided by their expectation, minus 1. The elements are: right and below at the
+    /// same readout, then right and below at the next readout.
     pub neighbors: [f64; 4],
-    /// Sum of the deviations of the intervals that end at a readout, in readouts, and the number of these intervals.
+    /// For each readout, the sum of the deviations of the intervals that end there, in readouts, and the number of
+    /// these intervals.
     pub deviations: Deviations,
-    /// The stretches between the steps of a square wave.
+    /// The stretches between the steps of a square wave. It is empty for other light.
     pub stretches: Vec<Stretch>,
-    /// Relative difference between neighboring pixels. It is set for static scenes only.
+    /// Relative difference between neighboring pixels. It is measured for static scenes only.
     pub contrast: f64,
 }
 
 impl Scan {
-    /// Tests whether the scene moves between the two halves of its readouts.
+    /// Tests whether the scene moves between the first and the second half of the recording.
     pub(crate) fn motion(&self, readouts: usize) -> SceneMotion {
         let half = BLOCK_COUNT / 2 * readouts / BLOCK_COUNT;
         let rate =
@@ -92,14 +97,14 @@ impl Scan {
             let parts = self.pixels.iter().map(|p| p.blocks.split_at(BLOCK_COUNT / 2));
             parts.map(|(a, b)| if is_second { rate(b, readouts - half) } else { rate(a, half) }).collect()
         };
-        // The counts of the halves differ by `u0 - 2 u1 + u2`, where each uniform phase has the variance 1/12. The
-        // variance is 6/12.
+        // The spike counts of both halves differ by `u0 - 2 u1 + u2`. Each `u` is a uniform phase with the variance
+        // 1/12. The variance of the difference is therefore 6/12.
         let sd = 0.5_f64.sqrt() / half.max(1) as f64;
         detect_motion(&[rates(false), rates(true)], self.geometry.width(), sd, half)
     }
 }
 
-/// Scans packed frames.
+/// Transposes and scans packed frames.
 ///
 /// # Errors
 /// See [`PixelBits::new`] and [`scan_bits`].
@@ -107,13 +112,14 @@ pub(crate) fn scan(frames: SpikeFramesRef<'_>, options: ScanOptions) -> Result<S
     scan_bits(frames, &PixelBits::new(frames)?, options)
 }
 
-/// Scans packed frames whose transposed bits are `bits`.
+/// Scans packed frames. `bits` contains their transposed bits.
 ///
 /// # Errors
 /// Returns [`ErrorKind::Memory`](spikelane::error::ErrorKind::Memory) if the system has no memory for the scan.
 pub(crate) fn scan_bits(frames: SpikeFramesRef<'_>, bits: &PixelBits, options: ScanOptions) -> Result<Scan> {
     let geometry = bits.geometry;
-    // A scan contains each pixel twice, in its band and in the joined list, and four maps.
+    // The scan contains each pixel twice: in the list of its band, and in the joined list. It also contains four
+    // maps.
     let per_pixel = 2 * size_of::<PixelScan>() + 4 * size_of::<f64>();
     inputs::check_memory(format_args!("scan of {geometry} pixels"), per_pixel * geometry.pixels())?;
     let [totals, changes] = readout_totals(frames)?;
@@ -149,7 +155,7 @@ pub(crate) fn scan_bits(frames: SpikeFramesRef<'_>, bits: &PixelBits, options: S
 /// See [`Scan::deviations`].
 pub(crate) type Deviations = Vec<[f64; 2]>;
 
-/// A task that scans a range of pixels one after the other.
+/// A task that scans a range of pixels, one after the other.
 struct Band<'a> {
     bits: &'a PixelBits,
     pixels: Range<usize>,
@@ -211,13 +217,13 @@ fn count_pixel(
     scan
 }
 
-/// Returns the settled part of each dark stretch of a square wave.
+/// Returns each dark stretch of a square wave without its first [`SETTLED_READOUTS`].
 pub(crate) fn dark_windows(stretches: &[Stretch]) -> impl Iterator<Item = (usize, usize)> {
     stretches.iter().filter(|s| !s.is_bright).map(|s| (s.from + SETTLED_READOUTS, s.to))
 }
 
-/// Returns the readouts of all `count` spikes of a pixel, written into `all`. `places` is scratch space for the
-/// positions in one word.
+/// Returns the readouts of all spikes of a pixel. They are written into `all`. `count` is the number of spikes, and
+/// `places` is scratch space for the positions in one word.
 #[inline(always)]
 pub(crate) fn spike_times<'a, B: BitOps>(
     b: B,
@@ -226,7 +232,7 @@ pub(crate) fn spike_times<'a, B: BitOps>(
     places: &mut Positions,
     all: &'a mut Vec<u32>,
 ) -> &'a [u32] {
-    // The last chunk of a word overwrites up to 16 elements after its spikes.
+    // Writing the last chunk of a word overwrites up to 16 elements after its spikes.
     if all.len() < count + POSITION_CHUNK {
         all.resize(count + POSITION_CHUNK, 0);
     }
@@ -247,8 +253,8 @@ pub(crate) fn spike_times<'a, B: BitOps>(
     &all[..count]
 }
 
-/// Returns the sum of the squared differences between the intervals and `expected`. Each difference is limited to
-/// `limit`.
+/// Returns the sum of the squared differences between the intervals and `expected`. Each difference is first
+/// limited to `limit`.
 #[inline(always)]
 fn squared_deviations(ends: &[u32], starts: &[u32], expected: f64, limit: f64) -> f64 {
     let deviation = |end: u32, start: u32| {
@@ -271,18 +277,18 @@ fn squared_deviations(ends: &[u32], starts: &[u32], expected: f64, limit: f64) -
     sums.iter().sum()
 }
 
-/// Measures all intervals of a dim pixel. `deviations` receives the deviation of each interval at the readout of its
-/// end.
+/// Measures all intervals of a dim pixel. The deviation of each interval is added to the element of `deviations` at
+/// which the interval ends.
 #[inline(always)]
 pub(crate) fn measure_intervals(times: &[u32], mean: f64, scan: &mut PixelScan, deviations: &mut [[f64; 2]]) {
     let square = scan.rate * scan.rate;
-    // The limit keeps a single missing or additional spike from exceeding the noise of all other intervals. Such
-    // spikes are counted as `off_lattice`.
+    // Without the limit, a single missing or additional spike would exceed the noise of all other intervals. Such
+    // spikes are counted in `off_lattice` instead.
     let limit = 3.0 + 0.06 * mean;
     for (k, lag) in PHASE_LAGS.into_iter().enumerate() {
         let expected = lag as f64 * mean;
-        // The intervals of an integrator without noise are the two whole numbers around `expected`. Their variance is
-        // `part * (1 - part)`.
+        // The intervals of an integrator without noise are the two whole numbers around `expected`. With the
+        // fractional part `part`, their variance is `part * (1 - part)`.
         let part = expected.fract();
         let lattice = part * (1.0 - part);
         let pairs = times.len().saturating_sub(lag);
@@ -310,7 +316,8 @@ pub(crate) fn measure_intervals(times: &[u32], mean: f64, scan: &mut PixelScan, 
     scan.off_lattice = [shorter, longer];
 }
 
-/// Counts the intervals of a bright pixel that are off its lattice, with shifted words.
+/// Counts the intervals of a bright pixel that are off its lattice, the two whole numbers around the mean. It
+/// compares words that are shifted by the length of an interval.
 #[inline(always)]
 pub(crate) fn count_off_lattice(words: &[u64], mean: f64, scan: &mut PixelScan) {
     let (low, high) = (mean.floor() as usize, mean.ceil() as usize);
@@ -320,7 +327,7 @@ pub(crate) fn count_off_lattice(words: &[u64], mean: f64, scan: &mut PixelScan) 
     let (mut shorter, mut within) = ([0; LANE_WORDS], [0; LANE_WORDS]);
     for w in (0..words.len()).step_by(LANE_WORDS) {
         let (word, next) = (load_words(words, w), load_words(words, w + 1));
-        // Marks the spikes that have another spike at most `length` readouts later.
+        // Each bit marks a spike that is followed by another spike at most `length` readouts later.
         let mut followed = [0; LANE_WORDS];
         for length in 1..=high {
             if length == low {

@@ -1,4 +1,4 @@
-//! The protocol of a recording set, independent of the files.
+//! The protocol of a recording set, without its files.
 
 use crate::recordings::extent::{ReadoutSelection, RecordingPart, select_readouts};
 use crate::recordings::recorded_scene::{RecordedScene, StaticScene};
@@ -35,11 +35,12 @@ pub struct Setup {
     pub readout_hz: f64,
     /// The recordings.
     pub recordings: Vec<RecordedScene>,
-    /// Whether rate maps replace the recordings.
+    /// Whether the set contains measured rate maps instead of recordings.
     pub has_rate_maps: bool,
-    /// First row and number of rows that are used, if a static scene has more than 20,000 pixels.
+    /// First row and number of rows that are used. It is set if a static scene has more than 20,000 pixels.
     pub row_band: Option<(usize, usize)>,
-    /// Smallest and largest number of judged readouts, over the recordings that have more.
+    /// Smallest and largest limit of the number of compared readouts. Only recordings that are longer than their
+    /// limit count. `None` if no recording is longer.
     pub judged_readouts: Option<[usize; 2]>,
 }
 
@@ -52,8 +53,8 @@ impl Setup {
         Self::behind(set, part, extent, &[])
     }
 
-    /// Reads the protocol without the first readouts of each recording. `aside` contains their numbers; a missing
-    /// element is 0.
+    /// Reads the protocol without the first readouts of each recording. `aside` contains the number of excluded
+    /// readouts of each recording. A missing element counts as 0.
     ///
     /// # Errors
     /// See [`Setup::new`].
@@ -69,7 +70,7 @@ impl Setup {
             let aside = aside.get(k).copied().unwrap_or(0);
             let reader = set.reader(recording)?;
             let limit = extent.max_readouts(geometry, recording.light);
-            // Both halves of a divided recording have the largest number of readouts.
+            // Each half of a divided recording may have this number of readouts.
             let max_readouts = if part == RecordingPart::Whole { limit } else { limit.saturating_mul(2) };
             if reader.readouts() > max_readouts {
                 let [fewest, longest] = judged_readouts.unwrap_or([max_readouts; 2]);
@@ -90,7 +91,8 @@ impl Setup {
             let sources = set.sources(recording);
             scenes.push(RecordedScene {
                 name,
-                // The light of a sum is that of its sources, because a meter has an error for each recording.
+                // A recording with several sources has the sum of their light. The stated light of the sum is not
+                // used, because a meter has another error in each recording.
                 light: if sources.is_sum() { Stimulus::Level(sources.light()) } else { recording.light },
                 readouts,
                 first_readout,
@@ -115,8 +117,8 @@ impl Setup {
         self.recordings.iter().zip(&other.recordings).all(|(a, b)| a.light_offset == b.light_offset)
     }
 
-    /// Sets the relative standard deviation of the light of each recording. The uncertainty of a source is that of the recording
-    /// which has the source alone.
+    /// Sets the relative standard deviation of the light of each recording. The uncertainty of a source becomes
+    /// that of the recording in which the source is alone.
     pub(crate) fn set_light_uncertainties(&mut self, uncertainties: &[f64]) {
         let mut of_sources = Vec::new();
         for (recording, uncertainty) in self.recordings.iter_mut().zip(uncertainties) {
@@ -130,7 +132,7 @@ impl Setup {
         }
     }
 
-    /// Removes recordings.
+    /// Returns the setup without the recordings with the indices `dropped`.
     pub(crate) fn without(mut self, dropped: &[usize]) -> Self {
         let mut k = 0;
         self.recordings.retain(|_| {
@@ -140,8 +142,8 @@ impl Setup {
         self
     }
 
-    /// Returns the lowest frequency of an oscillation that the recordings distinguish from a drift, in hertz: two
-    /// periods in the longest recording. The search for lines starts at the same frequency.
+    /// Returns the lowest frequency, in hertz, at which the recordings distinguish an oscillation from a drift. The
+    /// longest recording contains two periods of it. The search for lines in spectra starts at the same frequency.
     pub(crate) fn lowest_line_hz(&self) -> f64 {
         let longest = self.recordings.iter().map(|s| s.readouts).max().unwrap_or(1);
         MIN_PERIODS * self.readout_hz / longest as f64
@@ -152,10 +154,11 @@ impl Setup {
         !self.recordings.is_empty() && self.recordings.iter().all(|s| s.static_scene.is_some())
     }
 
-    /// Reduces a large static scene to the rows that contain most of its uniform surface.
+    /// Reduces the recordings to some rows if a static scene is large. The rows are those with the most uniform
+    /// pixels.
     fn cut_to_band(mut self) -> Result<Self> {
         let (width, height) = (self.geometry.width(), self.geometry.height());
-        // Eight rows always begin at a whole byte.
+        // A band of a multiple of eight rows starts at a whole byte.
         let rows = (MAX_STATIC_PIXELS / width / 8 * 8).max(8);
         let Some(static_scene) = self.recordings.iter().find_map(|s| s.static_scene.as_ref()) else {
             return Ok(self);
@@ -174,12 +177,12 @@ impl Setup {
         Ok(self)
     }
 
-    /// Reads the judged bits of recording `k`.
+    /// Reads the bits of recording `k` that are compared with the model.
     pub(crate) fn read(&self, set: &RecordingSet, k: usize) -> Result<Vec<u8>> {
         self.part(set, &set.recordings[k], &self.recordings[k])
     }
 
-    /// Reads the judged bits of `recording`, which `scene` describes.
+    /// Reads the bits of `recording` that are compared with the model. `scene` describes the recording.
     pub(crate) fn part(
         &self,
         set: &RecordingSet,
@@ -199,7 +202,8 @@ impl Setup {
 /// Checks that a set contains enough recordings for a diagnosis.
 ///
 /// # Errors
-/// If the set has too few levels or pixels, and neither rate maps nor a static scene that test a given camera.
+/// If the set has too few levels or pixels. A set with rate maps or a static scene is sufficient if `with_camera`
+/// is set.
 pub(crate) fn check_sufficient(setup: &Setup, with_camera: bool) -> Result<()> {
     let has_one_kind = setup.has_rate_maps || setup.recordings.iter().any(|s| s.static_scene.is_some());
     // Rate maps or a static scene are sufficient to test a given camera.
@@ -231,7 +235,7 @@ pub(crate) fn check_sufficient(setup: &Setup, with_camera: bool) -> Result<()> {
 /// Checks that two sets follow the same protocol.
 ///
 /// # Errors
-/// If they do not. The error names the first difference.
+/// If the protocols differ. The error names the first difference.
 pub(crate) fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
     let names = |x: &RecordedScene| x.sources.sources.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
     let key = |s: &Setup, k: usize| s.recordings.get(k).map(|x| (x.light, names(x), x.readouts));

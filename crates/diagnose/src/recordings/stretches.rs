@@ -1,11 +1,11 @@
 //! The steps of a square wave, located in the spikes per readout.
 //!
-//! A camera that loses or repeats readouts does not stop the lamp, and a recording may begin at any phase of the wave.
-//! The steps therefore deviate from the protocol. With the times of the protocol, one lost readout would change every
-//! later statistic.
+//! A camera that loses or repeats readouts does not stop the lamp, and a recording may begin at any phase of the
+//! wave. The steps in the file are therefore not at the times of the protocol. If the times of the protocol were
+//! used, one lost readout would change all later statistics.
 
 use crate::thresholds::{MIN_AGREEING_READOUTS, MIN_STEP_SDS, MIN_STRETCH_READOUTS};
-/// The readouts between two steps.
+/// The readouts between two successive steps of a square wave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Stretch {
     /// Whether the stretch follows a rise.
@@ -16,11 +16,11 @@ pub(crate) struct Stretch {
     pub to: usize,
 }
 
-/// Returns the stretches that are long enough for a response. Each begins at a step, so the time before the first step
-/// is excluded. `half` is the half period of the protocol in readouts.
+/// Returns the stretches that are long enough to measure the response to a step. Each stretch begins at a step, so
+/// the time before the first step is excluded. `half` is the half period of the protocol in readouts.
 pub(crate) fn find_stretches(totals: &[u32], half: usize) -> Vec<Stretch> {
-    // A step needs several readouts for its detection. The last readouts may follow an undetected step, for example
-    // where lost readouts shorten the last wave.
+    // A step is detected only if several readouts follow it. The last readouts are excluded, because they may
+    // follow an undetected step. This happens if lost readouts shorten the last wave.
     let (steps, end) = match find_steps(totals, half) {
         Some(steps) => (steps, (totals.len() + 1).saturating_sub(MIN_AGREEING_READOUTS)),
         None => {
@@ -33,7 +33,8 @@ pub(crate) fn find_stretches(totals: &[u32], half: usize) -> Vec<Stretch> {
     all.filter(|s| s.to - s.from >= MIN_STRETCH_READOUTS).collect()
 }
 
-/// Returns the readouts of the steps and whether each step rises, or `None` if the two lights are too similar.
+/// Returns the readout of each step, and whether the light rises there. Returns `None` if both lights are too
+/// similar.
 fn find_steps(totals: &[u32], half: usize) -> Option<Vec<(usize, bool)>> {
     let mut sorted = totals.to_vec();
     sorted.sort_unstable();

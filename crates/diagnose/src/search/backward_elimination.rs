@@ -1,5 +1,5 @@
-//! Backward elimination: tests whether each added effect is necessary, and whether another effect fits better in its
-//! place.
+//! Backward elimination: tests whether each added effect is necessary, and whether another effect fits better in
+//! its place.
 
 use std::ops::Range;
 
@@ -20,8 +20,8 @@ use spikelane::error::Result;
 use spikelane::unstable::threads;
 
 impl Search<'_> {
-    /// Eliminates and replaces effects until nothing changes. An effect that was added after a wrong one may only
-    /// describe what the wrong one left.
+    /// Eliminates and replaces effects until nothing changes. A wrong effect leaves a part of the deviations. An
+    /// effect that was added later may describe only this part.
     pub(crate) fn eliminate_backward(&self, at: &mut TestedFit, rounds: &mut [Round]) -> Result<()> {
         self.eliminate(at, rounds)?;
         for _ in 0..MAX_SWAPS {
@@ -36,9 +36,12 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Removes unnecessary effects: those whose amplitude is within three standard deviations of zero, and those that
-    /// another effect can replace. If a similar effect was added first, the right effect explains only a part, and a
-    /// fit along the two nearly parallel directions takes short steps.
+    /// Removes unnecessary effects. These are effects whose amplitude is within three standard deviations of zero,
+    /// or that other parameters can replace, and without which the data are equally likely.
+    ///
+    /// The order of the additions can cause such effects. If a similar wrong effect was added first, the right
+    /// effect explains only a part of the deviations. The two directions are then nearly parallel, and a fit along
+    /// them takes short steps.
     fn eliminate(&self, at: &mut TestedFit, rounds: &mut [Round]) -> Result<()> {
         while at.fit.effects.len() > 1 {
             let Some((place, without)) = self.dispensable(at)? else { break };
@@ -51,7 +54,8 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Returns the weakest effect without which the data are equally likely, and the model without it.
+    /// Returns the weakest effect that is unnecessary, and the tested model without it. The data must be equally
+    /// likely without the effect.
     fn dispensable(&self, at: &TestedFit) -> Result<Option<(usize, TestedFit)>> {
         let Fitter { reference, data } = &self.fitter;
         let (fit, own) = (&at.fit, &at.own);
@@ -67,14 +71,17 @@ impl Search<'_> {
             }
             let mut without = self.refitted_without(fit, place, &own.metric)?;
             let costlier = self.fitter.priced(without.clone()).cost() - cost;
-            // If the interval of the amplitude contains zero, the fitted data are no evidence, regardless of the gain.
+            // If the interval of the amplitude contains zero, the gain in the fitted set is no evidence. The
+            // held-out set then decides.
             let weak = strength(place) < 2.0 && !self.shown(at, &without, costlier)?;
             if !weak && costlier >= worth {
                 continue;
             }
             let own = self.fitter.self_consistency(&mut without)?;
             let without = self.judged(without, own)?;
-            // Beside a strong effect, a small gain is no evidence, unless the effect explains all that remains.
+            // If the model contains a strong effect, a small gain is no evidence, because the signature of the
+            // strong effect is approximate. A small gain counts only if a significant deviation remains without the
+            // effect and none with it.
             if weak || costlier < MIN_ELIMINATION_COST || at.left || !without.left {
                 return Ok(Some((place, without)));
             }
@@ -82,17 +89,21 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// Returns whether the held-out set also distinguishes the model from `other`. In the fitted set, the model gained
-    /// `gained`. The interval of an amplitude may contain zero because parameters replace each other, or because a
-    /// probability changes the noise more than the mean. Measured: a lag with an amplitude of 1.7 standard deviations
-    /// gained 156 in the fitted set and 157 in the held-out set. A loss of readouts with 1.1 gained 8,527 and 8,360.
+    /// Returns whether the held-out set prefers the model `at` to `other` as well. `gained` is the gain of `at` in
+    /// the fitted set.
+    ///
+    /// The interval of an amplitude may contain zero although the effect is real. One reason is that other
+    /// parameters can replace the effect. Another reason is that a probability changes the noise more than the
+    /// mean. Measured: a lag with an amplitude of 1.7 standard deviations gained 156 in the fitted set and 157 in
+    /// the held-out set. Lost readouts with an amplitude of 1.1 standard deviations gained 8,527 and 8,360.
     fn shown(&self, at: &TestedFit, other: &Fit, gained: f64) -> Result<bool> {
         Ok(self.recordings.held_out.is_any()
             && self.deviance(other)? - at.deviance() >= gained * MIN_HELD_OUT_GAIN_SHARE)
     }
 
-    /// Returns the more likely of two fits without an effect. One starts at the present parameters. The other starts
-    /// where the parameters would take over the part of the effect.
+    /// Fits the model without one effect from two starts, and returns the more likely fit. One start has the
+    /// present parameters. In the other start, the remaining parameters have moved to compensate for the removed
+    /// effect.
     fn refitted_without(&self, fit: &Fit, place: usize, metric: &Metric) -> Result<Fit> {
         let starts = [fit.without(place), fit.without_and_moved(place, metric)];
         let refit = |start: Fit| -> Result<Fit> {
@@ -105,9 +116,9 @@ impl Search<'_> {
         Ok(if moved.cost < stayed.cost { moved } else { stayed })
     }
 
-    /// Tries other effects in place of each accepted one, now that the other effects are known, and takes the first
-    /// that is better. If none is better, effects that are equally likely are ties. Returns whether an effect was
-    /// replaced.
+    /// Tries other effects in the place of each accepted effect, because the other accepted effects are now known.
+    /// If another effect is better, replaces the first such effect and returns `true`. Otherwise, records the
+    /// effects that are equally likely as ties.
     fn swap(&self, at: &mut TestedFit, rounds: &mut [Round]) -> Result<bool> {
         let [_, some] = draws_of_elimination(&at.fit);
         let mut with = at.fit.clone();
@@ -115,7 +126,7 @@ impl Search<'_> {
         let with = self.fitter.priced(with);
         let mut ties = Vec::new();
         for (place, (effect, _)) in at.fit.effects.iter().enumerate() {
-            // No other effect loses or repeats whole readouts.
+            // Only this effect loses or repeats whole readouts, so no other effect can replace it.
             if at.fit.located.demand(effect) {
                 continue;
             }
@@ -140,7 +151,8 @@ impl Search<'_> {
         Ok(false)
     }
 
-    /// Returns the tested model `best`, whose last effect replaced the winner of `round`.
+    /// Returns the tested model `best`, in which another effect replaces the winner of `round`. The new effect is
+    /// the last one.
     fn exchanged(
         &self,
         at: &TestedFit,
@@ -162,8 +174,8 @@ impl Search<'_> {
         Ok(next)
     }
 
-    /// Returns models with another effect in `place` that are nearly as likely as `with`, which has the present effect.
-    /// The most likely is first.
+    /// Returns models that have another effect in `place` and are nearly as likely as `with`, or more likely.
+    /// `with` has the present effect. The most likely model is first.
     fn other_names(&self, at: &TestedFit, with: &ScoredFit, place: usize) -> Result<Vec<ScoredFit>> {
         let (fitter, fit) = (&self.fitter, &at.fit);
         let all: Vec<&Signature> = self.signatures.iter().collect();
@@ -186,8 +198,8 @@ impl Search<'_> {
         };
         let fits = threads::try_map(&others, enter)?;
         let fits: Vec<ScoredFit> = fits.into_iter().flatten().collect();
-        // With few simulations, the noise of a model is shrunk toward that of the null model. This raises the cost by
-        // the difference of both noises.
+        // The noise of a model is estimated from its simulations and reduced toward that of the null model. With
+        // few simulations, the reduction raises the cost by the difference between both noises.
         let drawn = MAX_SIMULATION_COST + with.fit.noise_of_its_own().max(0.0);
         let front = fits.iter().map(|f| f.price).fold(with.price, f64::min) + drawn;
         let near: Vec<Fit> = fits.into_iter().filter(|f| f.price <= front).map(|f| f.fit).collect();
@@ -197,19 +209,19 @@ impl Search<'_> {
     }
 }
 
-/// Returns the numbers of simulations of a mean in both legs.
+/// Returns the numbers of simulations of a mean in both legs of a replacement.
 fn draws_of_elimination(fit: &Fit) -> [usize; 2] {
     if fit.is_noisy() { NOISY_SIMULATIONS } else { fit.draws() }
 }
 
-/// Returns the metric of a fit without one of its effects. In the metric of the fit itself, the direction of this
-/// effect is free, so an effect that could replace it would promise nothing. Measured: beside `image_lag`, `crosstalk`
-/// in place of `spike_coupling` promised 12 of 50,000.
+/// Returns the metric of a fit without one of its effects. In the metric of the fit itself, a change along the
+/// effect has no length. An effect that could replace it would then promise no gain. Measured: `crosstalk` in the
+/// place of `spike_coupling` beside `image_lag` promised to explain only 12 of 50,000.
 fn without_effect(metric: &Metric, fit: &Fit, effect: usize) -> Metric {
     without_directions(metric, fit.knobs_of(effect), fit.known())
 }
 
-/// `known` is the prior information about all positions.
+/// Removes the directions `gone` from a metric. `known` is the prior information about all positions.
 fn without_directions(metric: &Metric, gone: Range<usize>, mut known: Vec<f64>) -> Metric {
     known.drain(gone.clone());
     Metric::new(&metric.noise, metric.directions.clone().remove_columns(gone.start, gone.len()))
@@ -217,10 +229,13 @@ fn without_directions(metric: &Metric, gone: Range<usize>, mut known: Vec<f64>) 
 }
 
 impl Search<'_> {
-    /// Marks effects that are weaker than the smallest detectable strength and have no ties. What strong effects leave
-    /// has many shapes, and a weak effect may take some of it. Measured: a `leak` of half the detectable strength was
-    /// added with a wrong effect, and stayed when the wrong one was replaced. Of about a hundred right effects beside
-    /// others, none without ties was as weak.
+    /// Marks effects that are weaker than their smallest detectable strength and have no ties.
+    ///
+    /// Strong effects leave small deviations of many shapes. A weak effect may fit some of these deviations,
+    /// although the camera does not have the effect. Measured: a `leak` of half its detectable strength was added
+    /// after a wrong effect. It stayed in the model when the wrong effect was replaced. About a hundred right
+    /// effects were found in models with other effects. Each of those without ties was stronger than its smallest
+    /// detectable strength.
     pub(crate) fn mark_faint(&self, at: &TestedFit, rounds: &mut [Round]) {
         for (i, (effect, _)) in at.fit.effects.iter().enumerate() {
             let Some(round) = kept_mut(rounds, effect.name) else { continue };
@@ -251,13 +266,13 @@ mod tests {
 
     #[test]
     fn what_an_effect_explained_is_off_again_without_it() {
-        // Three statistics with deviation 1, the first two of them free.
+        // Three statistics with standard deviation 1. The first two are free directions.
         let unit = |i: usize| DVector::from_fn(3, |j, _| if i == j { 1.0 } else { 0.0 });
         let all = noise(&[unit(0), unit(1), unit(2)], &[(2.0_f64 / 3.0).sqrt(); 3]).unwrap();
         let metric = Metric::new(&all, DMatrix::from_columns(&[unit(0), unit(1)])).knowing(&[0.0; 2]);
         let without = without_directions(&metric, 0..1, vec![0.0; 2]);
         let squares = |m: &Metric| [0, 1, 2].map(|i| m.square(&unit(i)));
-        // The ridge of 1e-6 leaves as much of a free one.
+        // The ridge of 1e-6 leaves about this squared length along a free direction.
         for (found, expected) in squares(&metric).iter().zip([0.0, 0.0, 1.0]) {
             assert!((found - expected).abs() < 1e-5, "{found} for {expected}");
         }

@@ -13,11 +13,11 @@ use crate::thresholds::{
 use spikelane::error::Result;
 use spikelane_calibrate::ProgressCallback;
 
-/// Shares of the diagnosis that are complete when a search begins, and when backward elimination begins.
+/// Progress at the start of a search and at the start of backward elimination, as shares of the diagnosis.
 const BEGIN: f64 = 0.8;
 const AGAIN: f64 = 0.9;
 
-/// The step before any effect is added.
+/// Label of the step before any effect is added.
 const NOTHING_ADDED: &str = "nothing added";
 
 /// The result of a search.
@@ -25,27 +25,27 @@ pub(crate) struct SearchResult {
     /// The final model.
     pub last: TestedFit,
     pub rounds: Vec<Round>,
-    /// The steps from the base model to the final model. The first step adds nothing.
+    /// The steps from the base model to the final model. The first step has no added effect.
     pub steps: Vec<SearchStep>,
     /// Questions that the time limit left open.
     pub undecided: Vec<Undecided>,
 }
 
 impl SearchResult {
-    /// Returns the discrepancies after each step: of the fitted set for `set` 0, of the held-out set for 1.
+    /// Returns the discrepancy after each step. `set` is 0 for the fitted set, and 1 for the held-out set.
     pub(crate) fn discrepancies(&self, set: usize) -> Vec<f64> {
         self.steps.iter().map(|step| step.discrepancies[set]).collect()
     }
 }
 
-/// A step of a search, with the discrepancies of the fitted and of the held-out set after it.
+/// One step of a search, with the discrepancies of the fitted set and of the held-out set after the step.
 pub(crate) struct SearchStep {
     pub label: String,
     pub discrepancies: [f64; 2],
 }
 
 impl Search<'_> {
-    /// Returns the tested model `next`, which has one more effect than `before`, if the held-out set confirms the
+    /// Tests the model `next`, which has one effect more than `before`. Returns it if the held-out set confirms the
     /// effect.
     fn accepted(&self, before: &TestedFit, mut next: Fit) -> Result<Option<TestedFit>> {
         let evidence = Evidence {
@@ -54,7 +54,8 @@ impl Search<'_> {
             whole: before.fit.length_of(&(&self.held_out_data - &self.fitter.reference.mean)),
             others: before.fit.effects.len(),
         };
-        // A model with more noise also makes the fitted set more likely, without being nearer to it.
+        // A model with more noise can make the fitted set more likely without reducing the squared distance. If
+        // nothing is held out, the distance must also decrease.
         if evidence.beyond() <= 0.0 || !(self.recordings.held_out.is_any() || next.misfit < before.fit.misfit)
         {
             return Ok(None);
@@ -64,19 +65,21 @@ impl Search<'_> {
         Ok(evidence.suffices(next.left_fitted).then_some(next))
     }
 
-    /// Effects whose signatures resemble what a model leaves, the most similar first.
+    /// Returns the effects whose signatures resemble the deviations that remain, the most similar first.
     fn similar_effects(&self, at: &TestedFit, signatures: &[&Signature]) -> Vec<&'static str> {
         let off = &self.fitter.data - &at.fit.mean;
         let similar = entrants(&at.fit, &at.own.metric, &off, signatures);
         similar.into_iter().map(|(_, signature)| signature.candidate.effect.name).collect()
     }
 
-    /// The base model and what the sets have beyond it, if the time ends before the null model is complete.
+    /// Returns the result if the time limit is reached before the null model is complete: the base model, and the
+    /// open question `undecided`.
     pub(crate) fn unfinished(&self, undecided: Undecided) -> Result<SearchResult> {
         Ok(self.ended(self.base()?, vec![undecided]))
     }
 
-    /// The search's end if nothing is beyond the limits of the base model, and `None` if something is.
+    /// Returns the result without any effect if the sets are within the limits of the base model. Otherwise returns
+    /// `None`.
     pub(crate) fn agreement(&self) -> Result<Option<SearchResult>> {
         if self.base_alarm() {
             return Ok(None);
@@ -84,13 +87,13 @@ impl Search<'_> {
         Ok(Some(self.ended(self.base()?, Vec::new())))
     }
 
-    /// The result of a search that adds nothing.
+    /// Returns the result of a search that ends without any effect.
     fn ended(&self, last: TestedFit, undecided: Vec<Undecided>) -> SearchResult {
         let steps = vec![self.search_step(NOTHING_ADDED, &last)];
         SearchResult { last, rounds: Vec::new(), steps, undecided }
     }
 
-    /// Returns the step `label`, which ends at the model `at`.
+    /// Returns a step with the name `label`. It ends at the model `at`.
     pub(crate) fn search_step(&self, label: &str, at: &TestedFit) -> SearchStep {
         SearchStep { label: label.to_owned(), discrepancies: self.gaps(at) }
     }
@@ -98,33 +101,38 @@ impl Search<'_> {
 
 /// The evidence of the held-out set for a further effect, or for another value of a parameter.
 pub(super) struct Evidence {
-    /// Deviance without and with the effect.
+    /// Deviance of the held-out set without the effect, and with it.
     pub before: f64,
     pub after: f64,
-    /// Squared distance from the base model.
+    /// Squared distance between the held-out set and the base model.
     pub whole: f64,
-    /// Number of other effects and parameters of the model.
+    /// Number of the other added effects and free parameters of the model.
     pub others: usize,
 }
 
 impl Evidence {
-    /// Returns the fall of the deviance beyond the fall by chance and beyond the part that any effect explains.
+    /// Returns the decrease of the deviance that is evidence for the effect. The decrease by chance is subtracted,
+    /// and a part of the deviance that any additional effect explains.
     pub(super) fn beyond(&self) -> f64 {
         let share = 0.02 * self.before.clamp(0.0, 1e4) / (1.0 + self.others as f64);
         self.before - self.after - MIN_HELD_OUT_GAIN - share
     }
 
-    /// Returns whether the fall exceeds a remainder of the other effects. `left` states whether the fitted set still
-    /// exceeds a limit. The held-out set may exceed one: `supply_droop` beside `adaptation` reduced its deviance from
-    /// 5,741 to 1,152. The fitted set then exceeded no limit, and one statistic of the held-out set deviated by 6.5
-    /// standard deviations.
+    /// Returns whether the evidence is sufficient. The decrease must be too large for an error of the other
+    /// effects, or little may remain with the effect. `left` states whether the fitted set still exceeds a limit
+    /// with the effect. The held-out set does not count for this, because it may exceed a limit although the effect
+    /// is right.
+    ///
+    /// Measured: `supply_droop` beside `adaptation` reduced the held-out deviance from 5,741 to 1,152. No limit was
+    /// exceeded in the fitted set, but one statistic of the held-out set deviated by 6.5 standard deviations.
     fn suffices(&self, left: bool) -> bool {
         self.beyond() > REMAINDER_SHARE * self.whole || self.after < COMPLETE_REMAINDER * self.before || !left
     }
 }
 
 impl Search<'_> {
-    /// Adds effects as long as something is left and held-out recordings confirm them, then eliminates unnecessary effects.
+    /// Adds effects as long as a significant discrepancy remains and the held-out recordings confirm each effect.
+    /// Then eliminates unnecessary effects.
     pub(crate) fn add_effects(&self, progress: ProgressCallback<'_>) -> Result<SearchResult> {
         let mut at = self.base()?;
         let mut steps = vec![self.search_step(NOTHING_ADDED, &at)];
@@ -165,7 +173,8 @@ impl Search<'_> {
             });
             at = next;
             if share < MIN_EXPLAINED_EXCESS {
-                // The remaining discrepancy has another cause. Further effects would only resemble it.
+                // The winner explains too little, so the remaining discrepancy has another cause. Further effects
+                // would only resemble it.
                 break;
             }
         }
@@ -191,7 +200,8 @@ mod tests {
 
     #[test]
     fn a_remainder_is_asked_of_a_name_that_leaves_much() {
-        // Adaptation and noise of the comparator, adaptation and what takes a part, a clamp and a dark tail.
+        // Three models: adaptation with comparator noise, adaptation with an effect that describes only a part, and
+        // a clamp with a dark tail.
         let beside = |whole, before, after| Evidence { before, after, whole, others: 1 };
         assert!(beside(1.33e7, 3637.0, 278.0).suffices(true), "a thirteenth is left");
         assert!(!beside(1.33e7, 3637.0, 804.0).suffices(true), "a quarter is left");

@@ -1,10 +1,13 @@
 //! The last steps of a fit whose base parameters are far from their calibrated values.
 //!
-//! The parameters of a camera are fitted before any effect is known, so they take over a part of the effects. Measured:
-//! a threshold noise of 6.4 mV beside a row noise of 6 mV began at 9.2 mV. The derivatives by the base parameters hold
-//! at that place only, so one step covers three quarters of the distance. The cost does not depend on the base
-//! parameters and requests no further step. Without further steps, the two parameters were 6.6 and 5.7 mV, three
-//! standard deviations from the truth each.
+//! The parameters of a given camera are fitted before any effect is known. They therefore absorb a part of the
+//! effects. Measured with a threshold noise of 6.4 mV and a row noise of 6 mV: the threshold noise started at 9.2
+//! mV.
+//!
+//! The derivatives by the base parameters hold only near the start, so one step covers three quarters of the
+//! distance. The cost does not depend on the base parameters, so it does not request another step. Without the last
+//! steps, the threshold noise was 6.6 mV and the row noise was 5.7 mV. Each was three standard deviations from the
+//! truth.
 
 use crate::fits::fit::Fit;
 use crate::null_model::metric::Bound;
@@ -22,7 +25,7 @@ use spikelane::error::Result;
 use spikelane_calibrate::ProgressCallback;
 
 impl Search<'_> {
-    /// Searches for effects and takes the last steps. `start` is the camera from which the base model came.
+    /// Searches for effects and then makes the last steps. `start` is the camera of the base model.
     pub(crate) fn find_effects(
         &self,
         start: &Camera,
@@ -36,11 +39,11 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// Takes the last steps, if they are large enough. `given` is the camera from which the base model came.
+    /// Makes the last steps, if they are large enough. `given` is the camera of the base model.
     fn end(&self, found: &mut SearchResult, given: &Camera) -> Result<()> {
         let places = self.fitter.reference.model.places_in(given);
-        // If the effects add strong noise, the derivatives by the base parameters differ from those of the base model.
-        // A static scene and rate maps distinguish too few parameters.
+        // The derivatives come from the base model. They do not hold if the effects add strong noise. Static scenes
+        // and rate maps determine too few parameters.
         let setup = &self.fitter.reference.setup;
         let fit = &found.last.fit;
         if fit.effects.is_empty() || fit.is_noisy() || setup.only_still() || setup.has_rate_maps {
@@ -51,7 +54,7 @@ impl Search<'_> {
         let next = self.judged(fit, own)?;
         let step = self.search_step("with the base model's numbers fitted further", &next);
         let before = found.steps.last().map_or(0.0, |step| step.discrepancies[1]);
-        // If more remains than before, the cause of the steps is not a base parameter.
+        // If a larger discrepancy remains than before, a base parameter is not the cause of the steps.
         if next.left && !found.last.left || step.discrepancies[1] > before + 2.0 * next.own.floor_sd {
             return Ok(());
         }
@@ -60,7 +63,8 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Returns the fit after steps that decrease from one to the next, or `None` if the first step is small.
+    /// Makes steps as long as each is shorter than the previous one. Returns the last fit, or `None` if the first
+    /// step is too small.
     fn onward(&self, found: &TestedFit, places: &[f64]) -> Result<Option<Fit>> {
         let wanted =
             |fit: &Fit| found.own.metric.bounded(&(&self.fitter.data - &fit.mean), &bounds(fit, places));
@@ -89,10 +93,12 @@ fn length(step: &DVector<f64>, deviations: &[f64]) -> f64 {
     step.iter().zip(deviations).map(|(s, d)| (s / d).abs()).fold(0.0, f64::max)
 }
 
-/// Returns the bounds of each parameter. The prior of a base parameter is centered at its value in the camera.
+/// Returns the bounds of a step for each parameter. The prior of a base parameter is centered at its value in the
+/// camera.
 ///
-/// The bounds of a base parameter are relative to its value in the camera, because a missing effect may have made the
-/// parameter small: a strength of shot noise of 0.1 instead of 1 could hardly move relative to 0.1.
+/// The bounds of a base parameter are proportional to its value in the camera. The present value may be too small,
+/// because a missing effect has changed it. For example, a strength of shot noise of 0.1 instead of 1 could hardly
+/// move if the bounds were proportional to 0.1.
 fn bounds(fit: &Fit, places: &[f64]) -> Vec<Bound> {
     let mut bounds = fit.bounds();
     for (j, place) in places.iter().enumerate() {

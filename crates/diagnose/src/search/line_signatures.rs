@@ -1,4 +1,4 @@
-//! Signatures of oscillating light at the frequency that the recordings show.
+//! Signatures of oscillating light at the frequency of the recorded oscillation.
 
 use crate::null_model::model::NullModel;
 use crate::null_model::signature::Signature;
@@ -9,11 +9,12 @@ use crate::thresholds::{MIN_LINE_LIGHT, MIN_LINE_POWER};
 use spikelane::effects::Definition;
 use spikelane::error::Result;
 
-/// Returns the signatures of the null model. Those of oscillating light have the frequency of the strongest line in the
-/// frame totals.
+/// Returns the signatures of the null model. Those of oscillating light are computed again at the frequency of the
+/// strongest line in the spikes per readout.
 ///
-/// The statistics of static scenes do not contain the totals, because the scene also changes them. An oscillation would only
-/// replace other noise there, so it is not a candidate: a line in the totals is a fault of the light.
+/// If all recordings show static scenes, oscillating light is not a candidate. The statistics of static scenes do
+/// not contain the spikes per readout, because these depend on the scene. An oscillation would then only replace
+/// other noise. A line in the spikes per readout is reported as a fault of the light instead.
 pub(crate) fn with_line(reference: &NullModel, measured: &MeasuredSet) -> Result<Vec<Signature>> {
     let (setup, mut signatures) = (&reference.setup, reference.signatures.clone());
     if setup.only_still() {
@@ -33,7 +34,8 @@ pub(crate) fn with_line(reference: &NullModel, measured: &MeasuredSet) -> Result
         return Ok(signatures);
     }
     let frequency = refine_line(&bright, best.0);
-    // One signature at the frequency of the line replaces those at the frequencies that determine detectability.
+    // The null model has signatures at several frequencies for the detectability. One signature at the frequency of
+    // the line replaces them.
     let mut kept: Vec<&Definition> = Vec::new();
     signatures.retain(|s| {
         let (effect, again) = (s.candidate.effect, kept.contains(&s.candidate.effect));
@@ -46,7 +48,7 @@ pub(crate) fn with_line(reference: &NullModel, measured: &MeasuredSet) -> Result
         for (knob, at) in candidate.knobs.iter_mut().zip(&mut candidate.at) {
             if knob.key == line {
                 knob.center = frequency * setup.readout_hz;
-                // A third of the width of the line remains uncertain after its refinement.
+                // The refined frequency is uncertain by about 0.3 of the frequency step of the spectrum.
                 let bin = 0.3 / (frequency * setup.recordings[0].readouts as f64);
                 knob.range = (knob.center * (1.0 - bin), knob.center * (1.0 + bin));
                 *at = 0.0;
@@ -57,7 +59,7 @@ pub(crate) fn with_line(reference: &NullModel, measured: &MeasuredSet) -> Result
     Ok(signatures)
 }
 
-/// Returns the key of the frequency of an effect, or `None` if the effect has no frequency.
+/// Returns the key of the frequency parameter of an effect, or `None` if the effect has no frequency.
 fn line_of(effect: &Definition) -> Option<&'static str> {
     effect.searched_params().find(|(_, tried)| tried.is_frequency).map(|(param, _)| param.key)
 }

@@ -9,21 +9,22 @@ use nalgebra::{DMatrix, DVector};
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Contradicted {
     pub number: usize,
-    /// Fitted position if all parameters that the data do not contradict have their given values, and its standard
-    /// deviation.
+    /// Position of the fitted parameter, and its standard deviation. Parameters that the data do not contradict are
+    /// held at their given values.
     pub position: f64,
     pub deviation: f64,
-    /// Parameters that explain the data equally well in its place.
+    /// Indices of the parameters that explain the data equally well in the place of this one.
     pub tied: Vec<usize>,
-    /// Fall of the squared distance if this parameter is free beside those before it.
+    /// Decrease of the squared distance when this parameter becomes free. The parameters before it are free
+    /// already.
     pub gain: f64,
-    /// Change of all parameters if this one is free instead of given.
+    /// Change of all parameters when this parameter becomes free.
     pub change: DVector<f64>,
-    /// Whether the held-out set confirms it.
+    /// Whether the held-out set confirms the mismatch.
     pub is_borne_out: bool,
 }
 
-/// The contradicted parameters, and the squared distance between the given and the fitted parameters.
+/// The contradicted parameters. `distance` is the squared distance between the given and the fitted parameters.
 pub(crate) struct Contradictions {
     pub numbers: Vec<Contradicted>,
     pub distance: f64,
@@ -31,13 +32,13 @@ pub(crate) struct Contradictions {
 
 /// Returns the smallest set of base parameters that must differ from the `given` positions.
 ///
-/// A parameter that deviates by several standard deviations need not be wrong: the spreads of gain and of threshold can
-/// replace each other, and if one is wrong a fit moves both. The cost of a fit does not depend on the base parameters,
-/// so it cannot decide.
+/// A parameter is not necessarily wrong if its fitted value deviates by several standard deviations. For example,
+/// the spreads of gain and of threshold can replace each other. If one of them is wrong, a fit moves both. The cost
+/// of a fit does not depend on the base parameters, so the cost cannot decide which one is wrong.
 ///
-/// `missed` is the root mean square error of the fit of clean sensors for each parameter. `off` is the part of the data
-/// that the fit does not explain. If nothing exceeds a limit, the last step that `off` requests is taken here, because
-/// the cost cannot decide whether to take it.
+/// `missed` is the root mean square error of each parameter in fits of clean sensors. `off` is the deviation of the
+/// data from the fit. If no value exceeds its limit, the last step that a linear fit of `off` requests is added to
+/// the fitted parameters. The cost cannot decide whether this step is right.
 pub(crate) fn contradicted(
     found: &SearchResult,
     missed: &[f64],
@@ -52,12 +53,12 @@ pub(crate) fn contradicted(
     let linear: DMatrix<f64> = own.metric.covariance().view((0, 0), (n, n)).into_owned();
     let told = |j: usize| own.deviations[j].max(missed[j]) / linear[(j, j)].sqrt();
     let covariance = DMatrix::from_fn(n, n, |i, j| linear[(i, j)] * told(i) * told(j));
-    // The prior of the calibration is no evidence about the calibration.
+    // The prior comes from the calibration, so it is no evidence about the calibration.
     let leaning = DMatrix::identity(n, n) * CALIBRATION_INFORMATION;
     let none = Contradictions { numbers: Vec::new(), distance: 0.0 };
     let Some(precision) = covariance.try_inverse().map(|p| p - leaning) else { return none };
     let mut numbers = fewest(&precision, &fitted, given);
-    // The parameters that the held-out set requests.
+    // Positions of the parameters that fit the held-out set best.
     let held_out = own.metric.fit(held_out_off);
     let held_out = DVector::from_fn(n, |j, _| fit.u[j] + held_out[j]);
     let misfit = own.metric.square(held_out_off);
@@ -83,7 +84,8 @@ pub(crate) fn contradicted(
     Contradictions { numbers, distance: off.dot(&(&precision * &off)) }
 }
 
-/// Returns all parameters. The `free` ones have the best fit beside the others at their given positions.
+/// Returns the positions of all parameters. The `free` parameters fit best while the others are at their given
+/// positions.
 fn numbers_at(
     precision: &DMatrix<f64>,
     off: &DVector<f64>,
@@ -98,7 +100,7 @@ fn numbers_at(
     numbers
 }
 
-/// Frees one parameter after the other: each time the one that reduces the squared distance most.
+/// Frees one parameter after the other. Each time, it frees the parameter that reduces the squared distance most.
 fn fewest(precision: &DMatrix<f64>, fitted: &[f64], given: &[f64]) -> Vec<Contradicted> {
     let off = DVector::from_fn(given.len(), |j, _| given[j] - fitted[j]);
     let mut free: Vec<usize> = Vec::new();
@@ -132,17 +134,17 @@ fn fewest(precision: &DMatrix<f64>, fitted: &[f64], given: &[f64]) -> Vec<Contra
     ties.into_iter().enumerate().map(said).collect()
 }
 
-/// A fit of some free parameters. The others are held at the distance `off` from their fitted positions.
+/// A fit of some free parameters. The others are held at their distance `off` from the fitted positions.
 struct Held {
-    /// Displacements of the free parameters from their fitted positions, and their standard deviations.
+    /// Distances of the free parameters from their fitted positions, and their standard deviations.
     positions: DVector<f64>,
     deviations: Vec<f64>,
-    /// Remaining squared distance.
+    /// Squared distance that remains after the fit.
     distance: f64,
 }
 
 impl Held {
-    /// Returns `None` if the data do not determine the free parameters.
+    /// Fits the parameters with the indices `free`. Returns `None` if the data do not determine them.
     fn of(precision: &DMatrix<f64>, off: &DVector<f64>, free: &[usize]) -> Option<Self> {
         let inner = DMatrix::from_fn(free.len(), free.len(), |i, j| precision[(free[i], free[j])]);
         let mut place = off.clone();
@@ -160,7 +162,8 @@ impl Held {
 mod tests {
     use super::*;
 
-    /// Two numbers of which mostly the sum is told, to a hundredth, and a third one by itself.
+    /// Information about three parameters. The sum of the first two is determined to 0.01, and each of them alone
+    /// to 0.1. The third parameter is independent.
     fn precision() -> DMatrix<f64> {
         let sum = DVector::from_vec(vec![1.0, 1.0, 0.0]);
         let mut precision = &sum * sum.transpose() * 1e4;
@@ -172,7 +175,8 @@ mod tests {
 
     #[test]
     fn of_two_numbers_that_stand_in_for_each_other_the_wrong_one_is_said() {
-        // Truth: the first is 1 and all others are as given; the fit has some of it in the second.
+        // In truth, the first parameter is 1 and the others have their given values. The fit attributes a part of
+        // the first to the second.
         let found = fewest(&precision(), &[0.95, 0.06, 0.01], &[0.0, 0.0, 0.0]);
         assert_eq!(found.len(), 1, "{found:?}");
         assert_eq!((found[0].number, found[0].tied.as_slice()), (0, [].as_slice()));
@@ -193,7 +197,7 @@ mod tests {
         let mut numbers: Vec<usize> = found.iter().map(|c| c.number).collect();
         numbers.sort_unstable();
         assert_eq!(numbers, [0, 2]);
-        // Three deviations of the sum.
+        // The sum deviates by three standard deviations.
         assert_eq!(fewest(&precision(), &[0.02, 0.01, 0.03], &[0.0, 0.0, 0.0]), []);
     }
 }

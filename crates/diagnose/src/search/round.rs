@@ -1,35 +1,35 @@
-//! The rounds of a search, and questions that the time limit left open.
+//! The rounds of a search, and the questions that a time limit leaves open.
 
 use nalgebra::DVector;
 use serde::Serialize;
 
-/// The outcome of an effect that won a round.
+/// What happened to an effect that won a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EliminationReason {
-    /// The effect is part of the model.
+    /// The effect is part of the final model.
     Retained,
-    /// The model with the effect did not approach recordings that were not fitted.
+    /// The model with the effect did not agree better with recordings that were not fitted.
     RejectedByHoldout,
-    /// The data did not require the effect any more after later effects were added.
+    /// The effect was added, but after later additions the data did not require it.
     Eliminated,
 }
 
-/// A candidate that was fitted beside the winner.
+/// A candidate that was compared with the winner of a round.
 #[derive(Clone, Debug)]
 pub(crate) struct Entrant {
     pub name: &'static str,
     pub misfit: f64,
-    /// Whether it is equally likely within the noise.
+    /// Whether the candidate is as likely as the winner within the noise.
     pub tied: bool,
-    /// Distance of its fitted model from that of the winner, in standard deviations of a set.
+    /// Distance between its fitted model and that of the winner, in standard deviations of one set.
     pub apart: f64,
-    /// Fitted mean.
+    /// Mean of the fitted model with the candidate.
     pub mean: DVector<f64>,
 }
 
-/// Squared distances of the fitted and of the held-out set before and after a step, without the directions that
-/// calibration fits.
+/// Discrepancies of the fitted set and of the held-out set before and after a step of the search. A discrepancy is
+/// a squared distance, without the directions that calibration fits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     pub(crate) before: [f64; 2],
@@ -37,7 +37,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// Returns the description that studies record.
+    /// Describes the step with all four discrepancies. Studies record this text.
     pub(crate) fn words(&self) -> String {
         let [[train, heldout], [train_after, heldout_after]] = [self.before, self.after];
         format!(
@@ -45,11 +45,13 @@ impl Step {
         )
     }
 
-    /// Returns the description as evidence for the effect. An effect that adds noise makes recordings more likely
-    /// without bringing the model nearer, so the squared distance may grow.
+    /// Describes the step as evidence for the effect. `floor` is the noise floor of the model.
+    ///
+    /// An effect that adds noise can make the recordings more likely without bringing the mean of the model closer
+    /// to them. The discrepancy may then grow, and the text does not contain it.
     pub(crate) fn nearer(&self, floor: f64) -> String {
         let [from, to] = [self.before[1], self.after[1]].map(f64::round);
-        // If nothing was held out, both values are of the same recordings.
+        // If nothing was held out, both elements describe the same recordings.
         let held_out = self.before[0] != self.before[1] || self.after[0] != self.after[1];
         if to < from {
             let gap = if held_out { "held-out discrepancy" } else { "discrepancy" };
@@ -63,17 +65,18 @@ impl Step {
     }
 }
 
-/// One round of a search.
+/// One round of a search: the candidates and the winner.
 #[derive(Clone, Debug)]
 pub(crate) struct Round {
     pub winner: &'static str,
     pub entrants: Vec<Entrant>,
     pub fate: EliminationReason,
-    /// Share of the excess that the winner's signature explains.
+    /// Share of the excess that the fit of the winner explains. The excess is the discrepancy above the noise
+    /// floor.
     pub share: f64,
-    /// The winner's fitted mean.
+    /// Mean of the fitted model with the winner.
     pub mean: DVector<f64>,
-    /// Whether the winner is weaker than the smallest detectable strength.
+    /// Whether the winner is weaker than the smallest strength at which the set can detect it.
     pub faint: bool,
     /// Description of the evidence for the winner; empty if it was rejected.
     pub evidence: String,
@@ -86,7 +89,7 @@ impl Round {
         self.fate == EliminationReason::Retained
     }
 
-    /// Adds the tied `rivals`, which are in the order of their scores.
+    /// Adds the tied `rivals` before the other entrants. `rivals` are sorted by their scores.
     pub(crate) fn ties_with(&mut self, rivals: Vec<Entrant>) {
         for rival in rivals.into_iter().rev().filter(|r| r.tied) {
             self.entrants.retain(|e| e.name != rival.name);
@@ -95,17 +98,17 @@ impl Round {
     }
 }
 
-/// Returns the round in which `name` was retained.
+/// Returns the round that the effect `name` won, if the effect is still in the model.
 pub(crate) fn kept<'a>(rounds: &'a [Round], name: &str) -> Option<&'a Round> {
     rounds.iter().find(|r| r.is_kept() && r.winner == name)
 }
 
-/// Returns the round in which `name` was retained, for changes.
+/// Returns the round that the effect `name` won, if the effect is still in the model. The round can be changed.
 pub(crate) fn kept_mut<'a>(rounds: &'a mut [Round], name: &str) -> Option<&'a mut Round> {
     rounds.iter_mut().find(|r| r.is_kept() && r.winner == name)
 }
 
-/// Returns up to two effects that are tied with the winner.
+/// Returns up to two effects that are as likely as the winner within the noise.
 pub(crate) fn tied(round: &Round) -> Vec<&Entrant> {
     round.entrants.iter().filter(|e| e.tied && e.name != round.winner).take(2).collect()
 }
@@ -113,13 +116,13 @@ pub(crate) fn tied(round: &Round) -> Vec<&Entrant> {
 /// A question that the time limit left open.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Undecided {
-    /// Whether the recordings agree with the model. The deviations resemble these effects.
+    /// Whether the recordings agree with the model. The deviations resemble the listed effects.
     Agreement(Vec<&'static str>),
-    /// Whether these effects or others are missing in the final model.
+    /// Which further effects are missing in the final model. The remaining deviations resemble the listed effects.
     FurtherEffects(Vec<&'static str>),
-    /// Whether each named effect is necessary beside the others.
+    /// Whether each added effect is necessary in a model with the others.
     NecessityOfEffects,
-    /// The base parameters beside the effects.
+    /// The values of the base parameters in the model with effects.
     BaseNumbers,
 }
 

@@ -1,4 +1,4 @@
-//! The comparison of recordings with a null model, and fitted models in it.
+//! The comparison of recordings with a null model, and the models that are fitted in it.
 
 use crate::events::locations::Events;
 use crate::fits::fit::Fit;
@@ -21,35 +21,36 @@ pub(crate) struct Search<'a> {
     pub recordings: &'a Recordings,
     /// The null model and the statistics of the fitted set.
     pub fitter: Fitter<'a>,
-    /// Statistics of the held-out set, at the light of the null model.
+    /// Statistics of the held-out set, shifted by the lamp offsets of the null model ([`NullModel::shifted`]).
     pub held_out_data: DVector<f64>,
-    /// Changes of the statistics by each effect. An oscillation of the light has the frequency of the fitted set.
+    /// Signatures of the effects. Oscillating light has the frequency of the line in the fitted set.
     pub signatures: Vec<Signature>,
     /// Lost and repeated readouts of both sets.
     pub located: Events,
 }
 
-/// A fitted model, what simulations of it show, and the deviations of the data from it.
+/// A fitted model with the results of its own simulations, and the deviations of the data from it.
 #[derive(Clone)]
 pub(crate) struct TestedFit {
     pub fit: Fit,
     pub own: SelfConsistency,
-    /// Deviation of the held-out set.
+    /// Deviation of the held-out set from the mean of the model.
     pub off: DVector<f64>,
-    /// Whether either set exceeds a limit, and whether the fitted set does.
+    /// Whether at least one of both sets exceeds a limit. `left_fitted` states this for the fitted set alone.
     pub left: bool,
     pub left_fitted: bool,
 }
 
 impl TestedFit {
-    /// Returns the deviance of the held-out set.
+    /// Returns the deviance of the held-out set under this model: twice the negative logarithm of its likelihood.
     pub(crate) fn deviance(&self) -> f64 {
         self.fit.deviance_of(&self.off)
     }
 }
 
 impl<'a> Search<'a> {
-    /// Compares `recordings` with `reference`. After the time limit, the signatures are those of the null model.
+    /// Compares `recordings` with the null model `reference`. If the time limit is reached, the signatures of
+    /// oscillating light keep the frequencies of the null model.
     pub(crate) fn new(recordings: &'a Recordings, reference: &'a NullModel) -> Result<Self> {
         let [fitted, judging] = [&recordings.fitted.measured, &recordings.judging.measured];
         let signatures = in_time(with_line(reference, fitted))?;
@@ -69,14 +70,15 @@ impl<'a> Search<'a> {
 }
 
 impl Search<'_> {
-    /// Returns the protocol and the light of the held-out set, if they differ from those of the fitted set.
+    /// Returns the setup of the held-out set if its part of the recordings or its light differs from that of the
+    /// fitted set.
     fn held_out_setup(&self) -> Option<&Setup> {
         let Recordings { fitted, judging, held_out, .. } = self.recordings;
         let is_other = *held_out == HeldOut::SecondHalves || !judging.setup.has_light_of(&fitted.setup);
         is_other.then_some(&judging.setup)
     }
 
-    /// Returns the mean that `fit` predicts for the held-out set. The lamps of this set differ from those of the fitted set.
+    /// Returns the mean that `fit` predicts for the held-out set.
     fn held_out_mean(&self, fit: &Fit) -> Result<DVector<f64>> {
         let reference = self.fitter.reference;
         let setup = self.held_out_setup();
@@ -87,7 +89,8 @@ impl Search<'_> {
         let Some(setup) = setup else {
             return Ok(reference.mean_of(&model, &fit.u, fit.each.len(), Vec::new())?.mean);
         };
-        // A fit moves the lamps of the fitted set if its effects change the rates. The lamps of this set move as much.
+        // The effects of a fit change the rates, so the fit has moved the lamps of the fitted set. The lamps of the
+        // held-out set move by the same deviations.
         let of_set = lamps_of(setup);
         let found = model.lamps.iter().zip(&reference.model.lamps).zip(&of_set);
         let found: Vec<f64> =
@@ -101,7 +104,8 @@ impl Search<'_> {
         Ok(&self.held_out_data - self.held_out_mean(fit)?)
     }
 
-    /// Returns the base model, what its own sensors show, and whether the fitted set exceeds a limit of it.
+    /// Returns the fit of the base model, the properties of its own simulations, and whether the fitted set exceeds
+    /// a limit of the base model.
     fn base_fit(&self) -> (Fit, SelfConsistency, bool) {
         let Fitter { reference, data } = &self.fitter;
         let fit = Fit::base(reference, data, self.located.clone());
@@ -118,7 +122,8 @@ impl Search<'_> {
     pub(crate) fn base(&self) -> Result<TestedFit> {
         let reference = self.fitter.reference;
         let (fit, own, left) = self.base_fit();
-        // Without time for simulations at the light of the held-out set, the light of the fitted set must do.
+        // If there is no time for simulations at the light of the held-out set, the mean at the light of the fitted
+        // set is used.
         let off = in_time(self.held_out_off(&fit))?;
         let off = off.unwrap_or_else(|| &self.held_out_data - &reference.mean);
         Ok(TestedFit { off, fit, own, left, left_fitted: left })
@@ -136,8 +141,8 @@ impl Search<'_> {
         Ok(fit.deviance_of(&self.held_out_off(fit)?))
     }
 
-    /// Returns the squared distances of the fitted and of the held-out set, without the directions that calibration
-    /// fits.
+    /// Returns the discrepancies of the fitted set and of the held-out set: squared distances without the
+    /// directions that calibration fits.
     pub(crate) fn gaps(&self, at: &TestedFit) -> [f64; 2] {
         [at.fit.misfit, self.fitter.reference.metric.square(&at.off)]
     }
@@ -147,14 +152,15 @@ impl Search<'_> {
         Step { before: self.gaps(before), after: self.gaps(after) }
     }
 
-    /// Returns whether a value of what is `off` exceeds its limit.
+    /// Returns whether one of the values for the deviation `off` exceeds its limit.
     fn alarm(&self, fit: &Fit, own: &SelfConsistency, off: &DVector<f64>) -> bool {
         values_and_limits(fit, own, off, &self.signatures).iter().any(|(value, limit)| value > limit)
     }
 }
 
-/// Returns the total deviation, the largest deviation of a statistic and the largest score of an effect that the model
-/// lacks, each with its limit. `off` is the deviation of the statistics from the mean of `fit`.
+/// Returns three values, each with its limit: the total misfit, the largest deviation of a statistic, and the
+/// largest score of an effect that the model lacks. `off` is the deviation of the statistics from the mean of
+/// `fit`.
 pub(crate) fn values_and_limits(
     fit: &Fit,
     own: &SelfConsistency,

@@ -1,4 +1,5 @@
-//! One round of a search: fits the most promising candidates. The most likely one wins.
+//! One round of a search. It fits the candidates with the largest promise, and the most likely fit wins. The
+//! promise of a candidate is the decrease of the squared distance that a linear fit predicts.
 
 use crate::fits::fit::Fit;
 use crate::fits::fitter::{Fitter, metric_allowing_events};
@@ -19,7 +20,8 @@ use spikelane::error::Result;
 use spikelane::unstable::threads;
 
 impl Search<'_> {
-    /// Returns the fit of the best candidate together with all accepted effects.
+    /// Returns the fit of the winner together with all accepted effects, and the round. Returns `None` if no
+    /// candidate promises enough.
     pub(crate) fn tournament(
         &self,
         fit: &Fit,
@@ -33,8 +35,8 @@ impl Search<'_> {
         }
         let [few, some] = fit.draws();
         let rounds = if fit.effects.is_empty() { STEPS_OF_FIRST_EFFECT } else { STEPS_OF_FURTHER_EFFECT };
-        // The better start is known only after both fits: if base parameters took over a part of the candidate, their
-        // present values cost less at first.
+        // Only the fits show which start is better. If the base parameters have absorbed a part of the candidate,
+        // their present values have a lower cost at first.
         let enter = |(_, from): &(&str, Vec<Fit>)| {
             let refined = threads::try_map(from, |f| self.fitter.refined(f.clone(), rounds[0], few))?;
             Ok(refined.into_iter().min_by(cheaper))
@@ -42,7 +44,7 @@ impl Search<'_> {
         let fits: Vec<Option<ScoredFit>> = threads::try_map(&starts, enter)?;
         let mut fits: Vec<ScoredFit> = fits.into_iter().flatten().collect();
         fits.sort_by(cheaper);
-        // The best candidates are refined again with less noise.
+        // The best candidates are refined again, with more simulations and less noise.
         let front = fits[0].price + 0.15 * (fit.price() - fits[0].price).max(0.0) + MAX_SIMULATION_COST;
         let near = fits.iter().take(MAX_FINALISTS).take_while(|f| f.price < front).count();
         let far = fits.split_off(near);
@@ -67,7 +69,8 @@ impl Search<'_> {
         Ok(Some((best, round)))
     }
 
-    /// Sorts the best candidates. If the noise of the simulations decides their order, more simulations are made.
+    /// Sorts the best candidates. If the noise of the simulations could change their order, more simulations are
+    /// made first.
     fn finish(&self, mut front: Vec<ScoredFit>) -> Result<Vec<ScoredFit>> {
         front.sort_by(cheaper);
         let unsure =
@@ -88,16 +91,17 @@ impl Search<'_> {
         Ok(front)
     }
 
-    /// Returns the entrant of a fit, compared with the best one. The last effect of both fits is new.
+    /// Compares the fit `f` with the best fit. In both fits, the last effect is the new one.
     pub(crate) fn entrant(&self, best: &ScoredFit, f: &ScoredFit) -> Entrant {
-        // The standard deviation of the difference of two costs is twice the distance of both models.
+        // The standard deviation of the difference of both costs is twice the distance between both models.
         let apart = best.apart(f, &self.fitter.reference.metric);
         let tied = f.price - best.price < 4.0 + 2.0 * apart.min(12.0) + drawn(best, f);
         Entrant { name: last(&f.fit), misfit: f.fit.misfit, tied, apart, mean: f.fit.mean.clone() }
     }
 
-    /// Returns the most promising candidates, each with one or two starts: base parameters as fitted before, or as
-    /// calibrated. Fitted base parameters may have taken over what a candidate explains, which then promises little.
+    /// Returns the candidates with the largest promise. Each has one or more starts, with the fitted or with the
+    /// calibrated base parameters. The fitted base parameters may have absorbed what a candidate explains. The
+    /// promise of this candidate is then too small.
     fn starts(
         &self,
         fit: &Fit,
@@ -108,7 +112,7 @@ impl Search<'_> {
             let off = &self.fitter.data - &fit.mean;
             let start = |(scale, s): (f64, Signature)| {
                 let plain = fit.with(&s.candidate, scale);
-                // The found light contains the change of the rates by the effect.
+                // The found light has absorbed the change of the rates by the effect.
                 let left = metric.rest(&(&off - &s.mean * scale));
                 let slopes = &self.fitter.reference.lamp_slopes;
                 let lamps = likely_deviations(&plain.model.lamps, slopes, &metric.noise, &left);
@@ -143,8 +147,8 @@ impl Search<'_> {
 }
 
 impl Search<'_> {
-    /// Returns the most promising candidates, each effect once with its best shape and scale. Near candidates are
-    /// compared with two simulations each.
+    /// Returns the candidates with the largest promise. Each effect appears once, with its best shape and
+    /// amplitude. If the promises are similar, the signatures have two simulations each.
     pub(crate) fn entrants(
         &self,
         fit: &Fit,
@@ -164,7 +168,7 @@ impl Search<'_> {
     }
 }
 
-/// Returns the promises of the candidates, the largest first.
+/// Returns the possible candidates with their promise and their scale, the largest promise first.
 fn ranked<'a>(
     fit: &Fit,
     metric: &Metric,
@@ -177,7 +181,8 @@ fn ranked<'a>(
     ranked
 }
 
-/// Returns the most promising candidates, each effect once with its best shape and scale.
+/// Returns the candidates with the largest promise. Each effect appears once, with its best shape and the scale of
+/// its amplitude.
 pub(crate) fn entrants<'a>(
     fit: &Fit,
     metric: &Metric,
@@ -203,18 +208,19 @@ pub(crate) fn cheaper(a: &ScoredFit, b: &ScoredFit) -> std::cmp::Ordering {
     a.price.total_cmp(&b.price)
 }
 
-/// Returns the standard deviation of the difference of two scores by the noise of the simulations.
+/// Returns the standard deviation of the difference of two scores due to the draws of the simulations.
 fn drawn(a: &ScoredFit, b: &ScoredFit) -> f64 {
     a.deviation.hypot(b.deviation)
 }
 
-/// Returns the effect that was added last.
+/// Returns the name of the effect that was added last.
 pub(crate) fn last(fit: &Fit) -> &'static str {
     fit.effects.last().map_or("", |e| e.0.name)
 }
 
-/// Returns the part of `off` that a signature explains at its best scale, within the range of the effect, and this
-/// scale.
+/// Returns the promise of a signature and the scale at which it is reached. The promise is the decrease of the
+/// squared length of `off` at the best scale of the signature. The scale is limited to the range of the effect and
+/// to [`MAX_SIGNATURE_SCALE`].
 fn promise<'a>(metric: &Metric, off: &DVector<f64>, signature: &'a Signature) -> (f64, f64, &'a Signature) {
     let dual = metric.dual(&signature.mean);
     let (along, square) = (dual.dot(off), dual.dot(&signature.mean));

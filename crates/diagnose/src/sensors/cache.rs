@@ -1,7 +1,7 @@
-//! A folder of simulated vectors for later diagnoses, with one file per vector.
+//! A folder of simulated vectors, with one file per vector. Later diagnoses can reuse them.
 //!
-//! A vector is a function of protocol, camera, lamps and seed, and of the code that simulates. The key of a vector
-//! contains the inputs to the last bit. [`RESULTS_VERSION`] identifies the code.
+//! A vector depends on the protocol, the camera, the lamps, the seed, and the code of the simulation. The key of a
+//! vector is a hash of all these inputs, to the last bit. [`RESULTS_VERSION`] stands for the code.
 
 use std::fs;
 use std::hash::{Hash as _, Hasher};
@@ -13,11 +13,13 @@ use spikelane::error::{Error, Result};
 use spikelane::unstable::kernels::Backend;
 use spikelane_io::storage::{write_small, write_small_unsynced};
 
-/// Version of the simulated numbers. Raise it in each change of them:
-/// `sensors::cache_key::tests::changed_results_have_another_version` fails until it is raised.
+/// Version of the simulated values. Increase it with each change of the values. The test
+/// `sensors::cache_key::tests::changed_results_have_another_version` fails if the values change and the version
+/// does not.
 pub(crate) const RESULTS_VERSION: u32 = 2;
 
-/// Backup programs exclude a folder that contains this file (<https://bford.info/cachedir/>).
+/// Name of a file that marks a folder as a cache. Backup programs skip such folders
+/// (<https://bford.info/cachedir/>).
 const TAG_NAME: &str = "CACHEDIR.TAG";
 const TAG_CONTENTS: &str = "Signature: 8a477f597d28d172789f06886806bc55
 # Simulations that spikelane keeps for further diagnoses. Any file of this folder may be deleted: it is made again when it is needed.
@@ -25,7 +27,7 @@ const TAG_CONTENTS: &str = "Signature: 8a477f597d28d172789f06886806bc55
 
 /// The cached simulations of this version in a folder.
 ///
-/// A file appears only when it is complete. An interrupted diagnosis therefore leaves valid files, and several
+/// A file appears only when it is complete. An interrupted diagnosis therefore leaves only valid files, and several
 /// processes can use one folder.
 #[derive(Clone, Debug)]
 pub(crate) struct SimulationCache(Arc<Folder>);
@@ -53,18 +55,18 @@ impl SimulationCache {
         Ok(Self(Arc::new(Folder { path, hits: AtomicUsize::new(0), misses: AtomicUsize::new(0) })))
     }
 
-    /// Returns the number of vectors that were read from the cache.
+    /// Returns the number of vectors that were read from the folder.
     pub(crate) fn hit_count(&self) -> usize {
         self.0.hits.load(Ordering::Relaxed)
     }
 
-    /// Returns the number of vectors that were simulated because the cache did not contain them.
+    /// Returns the number of vectors that were simulated because the folder did not contain them.
     pub(crate) fn miss_count(&self) -> usize {
         self.0.misses.load(Ordering::Relaxed)
     }
 
-    /// Returns the key of the data that `hash` hashes, on this kind of machine. The last digit of Fourier transforms
-    /// and logarithms depends on the system and the instruction set.
+    /// Returns the key of the data that `hash` adds to a hasher. The key also depends on the operating system and
+    /// the instruction set, because these change the last digit of Fourier transforms and logarithms.
     pub(crate) fn key(&self, hash: impl FnOnce(&mut KeyHasher)) -> Key {
         let mut hasher = KeyHasher(blake3::Hasher::new());
         let sets = Backend::ALL.into_iter().filter(|b| b.is_available()).map(Backend::name);
@@ -74,7 +76,8 @@ impl SimulationCache {
         hasher.0.finalize()
     }
 
-    /// Returns the vector of `key`. If it is not in the cache, `simulate` computes it, and the cache stores it.
+    /// Returns the vector of `key` from the folder. If the folder does not contain it, `simulate` computes it, and
+    /// the cache stores it.
     pub(crate) fn get_or_simulate(
         &self,
         key: Key,
@@ -87,7 +90,7 @@ impl SimulationCache {
         }
         let values = simulate()?;
         self.0.misses.fetch_add(1, Ordering::Relaxed);
-        // A full disk does not end a diagnosis.
+        // An error of writing, for example on a full disk, must not end a diagnosis.
         let _ = write_small_unsynced(&path, &encode(&values, &key));
         Ok(values)
     }
@@ -101,15 +104,15 @@ impl Hasher for KeyHasher {
         self.0.update(bytes);
     }
 
-    /// Returns the first 8 bytes of the digest. Keys use all bytes.
+    /// Returns the first 8 bytes of the digest, as the trait requires. Keys use all bytes.
     fn finish(&self) -> u64 {
         let [a, b, c, d, e, f, g, h, ..] = *self.0.finalize().as_bytes();
         u64::from_le_bytes([a, b, c, d, e, f, g, h])
     }
 }
 
-/// Returns the contents of a file: the values and their digest under the key. A file of another key is therefore
-/// invalid.
+/// Returns the contents of a file: the values, and their digest with the key. With another key, the digest of the
+/// same file is invalid.
 fn encode(values: &[f64], key: &Key) -> Vec<u8> {
     let mut bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
     let seal = blake3::keyed_hash(key.as_bytes(), &bytes);
@@ -117,7 +120,7 @@ fn encode(values: &[f64], key: &Key) -> Vec<u8> {
     bytes
 }
 
-/// Returns the values of a file, or `None` if the file is incomplete or damaged.
+/// Returns the values of a file. Returns `None` if the file is incomplete or damaged, or belongs to another key.
 fn decode(bytes: &[u8], key: &Key) -> Option<Vec<f64>> {
     let (values, seal) = bytes.split_last_chunk::<{ blake3::OUT_LEN }>()?;
     let (values, rest) = values.as_chunks::<8>();

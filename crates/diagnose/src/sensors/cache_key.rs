@@ -1,4 +1,4 @@
-//! Key of a simulated vector.
+//! The key of a simulated vector.
 
 use std::hash::{Hash as _, Hasher};
 
@@ -6,10 +6,10 @@ use crate::recordings::recorded_scene::RecordedScene;
 use crate::recordings::setup::Setup;
 use crate::sensors::model::Sample;
 
-/// Hashes all inputs of the vector of `sample` under `setup` with `seed`, to the last bit.
+/// Hashes all inputs on which the simulated vector of `sample` depends, to the last bit.
 pub(crate) fn hash_inputs(setup: &Setup, sample: &Sample, seed: u64, into: &mut impl Hasher) {
-    // File names and excluded readouts do not change a vector. The uncertainties of the lamps act through the lamps of
-    // the sample.
+    // File names and the selection of readouts do not change a vector. The uncertainties of the lamps change only
+    // the factors of the light that `sample` contains.
     let Setup {
         geometry,
         readout_hz,
@@ -30,7 +30,7 @@ pub(crate) fn hash_inputs(setup: &Setup, sample: &Sample, seed: u64, into: &mut 
         light_offset,
     } in scenes
     {
-        // `Debug` prints enough digits to identify every number.
+        // `Debug` prints enough digits to distinguish any two numbers.
         (format!("{light:?}"), light_offset.to_bits(), readouts, first_readout, static_scene.is_some())
             .hash(into);
         if let Some(static_scene) = static_scene {
@@ -96,7 +96,7 @@ mod tests {
         hasher.finish()
     }
 
-    /// Returns the key after a change.
+    /// Returns the key after `change` has modified the inputs.
     fn changed(change: impl FnOnce(&mut Setup, &mut Sample)) -> u64 {
         let (mut setup, mut sample) = (setup(), sample());
         change(&mut setup, &mut sample);
@@ -143,8 +143,8 @@ mod tests {
         assert_eq!(HashSet::from(keys).len(), keys.len());
     }
 
-    /// Returns the weighted mean of the vectors of all effects at their typical strength. Each entry has its own
-    /// weight.
+    /// Returns a weighted mean of all values of the vectors of all effects at their typical strength. The weight
+    /// depends on the position in the vector, so a swap of two values changes the mean.
     fn mean_of_results() -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for maps in [false, true] {
@@ -162,7 +162,8 @@ mod tests {
         sum / count
     }
 
-    /// If this test fails, simulations give other numbers. Raise `RESULTS_VERSION`, and record the new mean with it.
+    /// If this test fails, simulations give other values. Increase `RESULTS_VERSION`, and record the new version
+    /// and the new mean here.
     #[test]
     fn changed_results_have_another_version() {
         let (recorded_version, recorded_mean) = (2, 2.374_734_856_690_362_8);

@@ -1,10 +1,11 @@
-//! Candidates of a search: the effects of a catalog with the parameter values that are tried.
+//! Candidates of a search: the effects of a catalog, with the parameter values that are tried.
 
 use crate::sensors::model::Knob;
 use spikelane::effects::definition::{Param, ParamKind, SearchScale, SearchSpec};
 use spikelane::effects::{Camera, Catalog, Definition};
 
-/// An effect with its knobs and the positions that are tried.
+/// An effect with its adjustable parameters and one combination of tried values. `at` contains the positions of the
+/// knobs.
 #[derive(Clone, Debug)]
 pub(crate) struct Candidate {
     pub effect: &'static Definition,
@@ -17,8 +18,8 @@ pub(crate) fn searched_effects(effects: &Catalog) -> Vec<&'static Definition> {
     effects.all().filter(|effect| effect.searched_params().next().is_some()).collect()
 }
 
-/// Returns all candidates at all positions. `readouts` is the length of the longest recording, and `lowest_hz` is the lowest
-/// frequency that it shows.
+/// Returns the candidates of all effects at all combinations of tried values. `readouts` is the length of the
+/// longest recording. `lowest_hz` is the lowest frequency of an oscillation that the recordings show.
 pub(crate) fn candidates(
     base: &Camera,
     readouts: usize,
@@ -29,7 +30,7 @@ pub(crate) fn candidates(
     searched_effects(effects).into_iter().flat_map(of).collect()
 }
 
-/// Returns the candidates of an effect at all combinations of its searched values.
+/// Returns the candidates of one effect, one for each combination of tried values.
 fn positions(effect: &'static Definition, base: &Camera, readouts: f64, lowest_hz: f64) -> Vec<Candidate> {
     let of = |(param, mut tried): (_, SearchSpec)| {
         if tried.is_frequency {
@@ -65,14 +66,15 @@ fn knob(
     let neutral = own.unwrap_or(param.neutral);
     let (center, unit) = match scale {
         SearchScale::Log | SearchScale::LogComplement => (values[values.len() / 2], 1.0),
-        // An infinite neutral value means that the light of the set never reaches the limit.
+        // If the neutral value is infinite, for example that of a limit which the light never reaches, the upper
+        // end of the range is the center.
         _ if neutral.is_infinite() => (range.1, -0.1),
         _ => (neutral, (first - neutral).abs()),
     };
     Knob { effect, key, scale, center, unit, range: allowed_range(range, param) }
 }
 
-/// Returns the part of a range that the parameter allows.
+/// Returns the part of `range` that the parameter `param` allows.
 fn allowed_range(range: (f64, f64), param: &Param) -> (f64, f64) {
     match param.kind {
         ParamKind::Number { low, high, .. } => (range.0.max(low), range.1.min(high)),
@@ -88,7 +90,8 @@ mod tests {
 
     #[test]
     fn every_effect_of_the_model_is_a_candidate_or_part_of_the_base() {
-        // The base model describes the spread of thresholds by the voltages alone, and its start phases are random.
+        // The base model describes the spread of the thresholds by the bias voltage alone. Its start phases are
+        // random.
         let held = [&capacitor_mismatch::EFFECT, &start_phase::EFFECT];
         let all = candidates(&spikelane::presets::builtin("ideal").unwrap(), 4000, 10.0, &Catalog::new());
         for effect in ALL {

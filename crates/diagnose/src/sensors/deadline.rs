@@ -14,7 +14,7 @@ pub(crate) struct SimulationContext {
     pub deadline: Deadline,
 }
 
-/// The end of the time that a diagnosis may take. Clones share one deadline.
+/// The time at which the simulations of a diagnosis must end. Clones share one deadline.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Deadline(Option<Arc<Limit>>);
 
@@ -25,13 +25,14 @@ struct Limit {
 }
 
 impl Deadline {
-    /// Returns the deadline of work that started at `start`; none without a `limit`, or if it is beyond the clock's range.
+    /// Returns the deadline of work that started at `start`. Work without a `limit` has no deadline. The same
+    /// applies if the deadline is beyond the range of the clock.
     pub(crate) fn new(start: Instant, limit: Option<Duration>) -> Self {
         let end = limit.and_then(|limit| start.checked_add(limit));
         Self(end.map(|end| Arc::new(Limit { end, is_lifted: AtomicBool::new(false) })))
     }
 
-    /// Fails after the deadline. Every simulation calls this function before it starts.
+    /// Returns an error if the deadline has passed. Every simulation calls this function before it starts.
     ///
     /// # Errors
     /// [`ErrorKind::Interrupted`] after the deadline.
@@ -44,7 +45,7 @@ impl Deadline {
         }
     }
 
-    /// Allows the few simulations that a report requires.
+    /// Removes the deadline, so that the few simulations of a report can run.
     pub(crate) fn lift(&self) {
         if let Some(limit) = &self.0 {
             limit.is_lifted.store(true, Ordering::Relaxed);
@@ -52,7 +53,7 @@ impl Deadline {
     }
 }
 
-/// Returns the value of `result`, or `None` if the deadline ended the work.
+/// Returns the value of `result`, or `None` if `result` is the error of the deadline.
 ///
 /// # Errors
 /// Any error other than that of the deadline.

@@ -1,8 +1,8 @@
 //! Simulated vectors in memory.
 //!
-//! A search simulates the same camera repeatedly: fits from several starts converge to one point, ties are simulated
-//! again with more draws, and exchanged effects are tested again. A vector is a function of the camera and the seed
-//! alone, so the memory changes no result.
+//! A search simulates the same camera several times. Fits from several starts converge to one point. Tied effects
+//! are simulated again with more draws. Replaced effects are tested again. A vector depends only on the camera, the
+//! lamps, the located events and the seed, so the memory does not change any result.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -14,7 +14,8 @@ use spikelane::error::Result;
 /// Largest number of stored vectors, which take about 60 MB.
 const MAX_VECTORS: usize = 20_000;
 
-/// Index of the draws, hash of the located events, light of each recording, and effects with the bits of their values.
+/// Number of the draws, hash of the located events, light of each recording, and effects with the bits of their
+/// values.
 type Key = (usize, u64, Vec<u64>, Vec<(&'static str, Vec<u64>)>);
 
 #[derive(Debug, Default)]
@@ -27,7 +28,8 @@ impl Clone for SimulationMemory {
 }
 
 impl SimulationMemory {
-    /// Returns the vector of `sample` with draws `i`. All calls must use the same protocol.
+    /// Returns the vector of `sample` with the draws of number `i`. If the memory does not contain it, `simulate`
+    /// computes it. All calls must use the same protocol.
     pub(crate) fn get_or_simulate(
         &self,
         sample: &Sample,
@@ -49,7 +51,7 @@ impl SimulationMemory {
         Ok(vector)
     }
 
-    /// A thread that panicked left complete entries only.
+    /// A lock is valid even if another thread panicked, because each entry is inserted at once.
     fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<Key, DVector<f64>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -11,7 +11,7 @@ use spikelane::effects::{
 };
 use spikelane::error::Result;
 
-/// A camera with its knobs, and the lamps of the recordings.
+/// A camera with its adjustable parameters, and the lamps of the recordings.
 #[derive(Clone, Debug)]
 pub(crate) struct Model {
     pub camera: Camera,
@@ -20,14 +20,14 @@ pub(crate) struct Model {
     pub lamps: Vec<Lamp>,
     /// Number of recordings.
     pub recordings: usize,
-    /// Lost and repeated readouts at located positions.
+    /// Lost and repeated readouts that simulations have at the located readouts.
     pub pinned: PinnedEvents,
-    /// Cache and time limit of its simulations.
+    /// Cache and time limit of the simulations of this model.
     pub context: SimulationContext,
 }
 
 impl Model {
-    /// Creates the base model of a camera, whose knobs are the parameters that calibration fits.
+    /// Creates the base model of a camera. Its knobs are the parameters that calibration fits.
     pub(crate) fn base(camera: Camera, setup: &Setup) -> Self {
         let knob = |parameter: &BaseKnob| {
             let BaseKnob { effect, key, .. } = *parameter;
@@ -58,13 +58,14 @@ impl Model {
         Self { context: context.clone(), ..self }
     }
 
-    /// Returns the positions of the knobs in `camera`.
+    /// Returns the positions of the knobs at which their parameters have the values of `camera`.
     pub(crate) fn places_in(&self, camera: &Camera) -> Vec<f64> {
         self.knobs.iter().map(|knob| knob.position(knob.value_in(camera))).collect()
     }
 
-    /// Returns the sample at the knob positions `u`. `lamp_deviations` contains relative deviations that are added to the
-    /// offsets of the lamps.
+    /// Returns the camera whose parameters have the knob positions `u`, with the light of each recording.
+    /// `lamp_deviations` contains one relative deviation for each lamp, which is added to the offset of the lamp. A
+    /// missing element counts as 0.
     pub(crate) fn sample(&self, u: &[f64], lamp_deviations: &[f64]) -> Result<Sample> {
         let mut camera = self.camera.clone();
         for (knob, u) in self.knobs.iter().zip(u) {
@@ -83,7 +84,8 @@ impl Model {
     }
 }
 
-/// An adjustable parameter of an effect.
+/// An adjustable parameter of an effect. A search changes its position instead of its value. [`Knob::value`]
+/// converts a position to a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Knob {
     pub effect: &'static Definition,
@@ -91,13 +93,13 @@ pub(crate) struct Knob {
     pub scale: SearchScale,
     pub center: f64,
     pub unit: f64,
-    /// Allowed values.
+    /// Smallest and largest allowed value.
     pub range: (f64, f64),
 }
 
 impl Knob {
-    /// Returns the value at position `u`. Depending on the scale, it is a linear function of `u`, of its square root
-    /// or of its exponential.
+    /// Returns the value of the parameter at position `u`. Depending on `scale`, the value is a linear function of
+    /// `u`, of the square root of `u`, or of the exponential of `u`.
     pub(crate) fn value(&self, u: f64) -> f64 {
         let value = match self.scale {
             SearchScale::Linear => self.center + self.unit * u,
@@ -108,12 +110,12 @@ impl Knob {
         value.clamp(self.range.0, self.range.1)
     }
 
-    /// Returns the value in `camera`, or the center if the camera does not have the effect.
+    /// Returns the value of the parameter in `camera`, or the center if `camera` does not contain the effect.
     pub(crate) fn value_in(&self, camera: &Camera) -> f64 {
         camera.effect(self.effect.name).and_then(|e| e.get(self.key).ok()).unwrap_or(self.center)
     }
 
-    /// Returns the position of `value`.
+    /// Returns the position at which the parameter has the value `value`.
     pub(crate) fn position(&self, value: f64) -> f64 {
         let value = value.clamp(self.range.0, self.range.1);
         match self.scale {
@@ -127,27 +129,31 @@ impl Knob {
         }
     }
 
-    /// Limits `u` to the allowed range.
+    /// Limits the position `u` to the range of the parameter.
     pub(crate) fn clamped(&self, u: f64) -> f64 {
         let (a, b) = (self.position(self.range.0), self.position(self.range.1));
         u.clamp(a.min(b), a.max(b))
     }
 }
 
-/// A parameter of the base model, which calibration fits.
+/// A parameter of the base model. Calibration fits it.
 pub(crate) struct BaseKnob {
     pub effect: &'static Definition,
     pub key: &'static str,
-    /// Relative step of the derivative. It is about five times the precision with which 2,000 pixels determine the
-    /// parameter. The noise of a difference appears as information, and a larger step reduces it.
-    pub step: f64,
-    /// Whether a static scene under unknown light determines the parameter.
+    /// Relative step of the derivative by this parameter. It is about five times the precision with which 2,000
+    /// pixels determine the parameter.
     ///
-    /// Such a scene contains no information about gain and dark current. It determines one sum of the variances of
-    /// shot noise and threshold noise. The number of electrons per threshold follows from the capacitance, so the shot
-    /// noise counts as known.
+    /// The derivative is the difference of two simulations, and its noise looks like information about the
+    /// parameter. A larger step reduces this noise.
+    pub step: f64,
+    /// Whether a static scene of unknown light determines the parameter.
+    ///
+    /// Such a scene contains no information about the gain and the dark current. It determines only one sum of the
+    /// variances of shot noise and threshold noise. The strength of the shot noise counts as known, because the
+    /// capacitance determines the number of electrons per threshold.
     pub is_shown_by_static_scene: bool,
-    /// Whether the parameter is a spread that effects can couple to others; see [`Definition::couples_spreads`].
+    /// Whether the parameter is a spread between pixels. Some effects couple spreads; see
+    /// [`Definition::couples_spreads`].
     pub is_spread: bool,
 }
 
@@ -163,34 +169,36 @@ const fn base_knob(
 
 /// The parameters of the base model, in the order of the base knobs.
 pub(crate) const BASE_KNOBS: [BaseKnob; 7] = [
-    // The mean gain shifts the lattices of all intervals. A small step keeps the intervals on their lattices.
+    // A change of the mean gain shifts the two whole numbers of readouts between which all intervals vary. With a
+    // small step, most intervals keep these two numbers.
     base_knob(&prnu::EFFECT, "mean", 0.01, false, false),
     base_knob(&prnu::EFFECT, "sigma", 0.2, true, true),
     base_knob(&bias_voltage::EFFECT, "sigma", 0.2, true, true),
     base_knob(&dark_current::EFFECT, "mean", 0.05, false, false),
-    // A larger step would create many nearly black pixels, which deviate from their lines.
+    // A larger step would create many nearly black pixels, whose rates deviate from their lines.
     base_knob(&dark_current::EFFECT, "sigma", 0.08, false, true),
     base_knob(&thermal_noise::EFFECT, "sigma", 0.1, true, false),
     base_knob(&shot_noise::EFFECT, "strength", 0.2, false, false),
 ];
 
-/// Returns the base parameter of a knob, or `None` for a parameter of another effect.
+/// Returns the base parameter that `knob` adjusts, or `None` if `knob` adjusts an added effect.
 pub(crate) fn find_base_knob(knob: &Knob) -> Option<&'static BaseKnob> {
     BASE_KNOBS.iter().find(|n| n.effect == knob.effect && n.key == knob.key)
 }
 
-/// A camera with the factor of the light of each recording, near 1.
+/// A camera to simulate. `lamps` contains the factor of the light of each recording, which is near 1.
 #[derive(Clone, Debug)]
 pub(crate) struct Sample {
     pub camera: Camera,
     pub lamps: Vec<f64>,
-    /// Lost and repeated readouts at located positions.
+    /// Lost and repeated readouts that the simulation has at the located readouts.
     pub pinned: PinnedEvents,
-    /// Cache and time limit of its simulation.
+    /// Cache and time limit of the simulation.
     pub context: SimulationContext,
 }
 
-/// Returns the published model at the size and rate of `setup`, which is the initial model without a camera file.
+/// Returns the published model with the frame size and the readout rate of `setup`. It is the initial model without
+/// a camera file.
 pub(crate) fn published(setup: &Setup) -> Result<Camera> {
     let mut camera = spikelane::presets::builtin("scsim-code")?;
     camera.sensor.geometry = setup.geometry;

@@ -1,4 +1,4 @@
-//! Simulation of a recording set.
+//! Simulates a recording set.
 
 use std::borrow::Cow;
 
@@ -22,7 +22,7 @@ use spikelane::unstable::{inputs, threads};
 use spikelane_calibrate::{Stimulus, StimulusPattern};
 use spikelane_io::simulate::{FrameRef, Simulator};
 
-/// Returns the entries of the vector of `sample`.
+/// Returns the names and the floors of the statistics of a simulated set.
 pub(crate) fn statistics(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<DiagnosticStatistic>> {
     Ok(simulate_vector(setup, sample, seed)?.statistics)
 }
@@ -34,7 +34,7 @@ fn simulate_vector(setup: &Setup, sample: &Sample, seed: u64) -> Result<Statisti
     Ok(statistics_vector(setup, &scans(setup, sample, seed)?))
 }
 
-/// Returns scans of the simulated set.
+/// Simulates all recordings of the set and returns their scans.
 pub(crate) fn scans(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<Scan>> {
     let scenes = 0..setup.recordings.len();
     if setup.only_still() {
@@ -48,12 +48,13 @@ pub(crate) fn scans(setup: &Setup, sample: &Sample, seed: u64) -> Result<Vec<Sca
     threads::try_map(scenes, scene)
 }
 
-/// Returns the vector of `sample`.
+/// Returns the simulated statistics vector of `sample`.
 pub(crate) fn values(setup: &Setup, sample: &Sample, seed: u64) -> Result<DVector<f64>> {
     cached_or(setup, sample, seed, || Ok(simulate_vector(setup, sample, seed)?.values))
 }
 
-/// Returns the vector of `sample` from the cache, or simulates it if there is time.
+/// Returns the statistics vector of `sample` from the cache. If the cache does not contain it, and the deadline has
+/// not passed, `simulate` computes it.
 pub(crate) fn cached_or(
     setup: &Setup,
     sample: &Sample,
@@ -70,7 +71,7 @@ pub(crate) fn cached_or(
     values.map(DVector::from_vec)
 }
 
-/// Simulates and scans one recording of the set.
+/// Simulates and scans recording `k` of the set.
 pub(crate) fn scan_of_recording(setup: &Setup, sample: &Sample, k: usize, seed: u64) -> Result<Scan> {
     let scene = &setup.recordings[k];
     if let Some(static_scene) = &scene.static_scene {
@@ -79,7 +80,7 @@ pub(crate) fn scan_of_recording(setup: &Setup, sample: &Sample, k: usize, seed: 
     scan_of(setup.geometry, &bits(setup, sample, k, seed)?, scene)
 }
 
-/// Returns the camera at the size and rate of the set.
+/// Returns `camera` with the frame size and the readout rate of the set.
 fn camera_for(setup: &Setup, camera: &Camera) -> Camera {
     let mut camera = camera.clone();
     camera.sensor.geometry = setup.geometry;
@@ -87,13 +88,13 @@ fn camera_for(setup: &Setup, camera: &Camera) -> Camera {
     camera
 }
 
-/// Returns the camera with its fixed pattern. All recordings share it, because it takes a large part of the time of a
-/// plan.
+/// Returns the camera with a drawn fixed pattern. All recordings use the same pattern. It is drawn only once,
+/// because this takes a large part of the time of a simulation plan.
 fn model_of(setup: &Setup, sample: &Sample, seed: u64) -> Result<Model> {
     camera_for(setup, &sample.camera).model(seeds(seed, 0))
 }
 
-/// Simulates the bits of one recording of the set.
+/// Simulates the bits of recording `k` of the set.
 pub(crate) fn bits(setup: &Setup, sample: &Sample, k: usize, seed: u64) -> Result<Vec<u8>> {
     bits_of(setup, &model_of(setup, sample, seed)?, sample, k, seed)
 }
@@ -117,7 +118,8 @@ fn bits_of(setup: &Setup, model: &Model, sample: &Sample, k: usize, seed: u64) -
     };
     let (mut filled, mut at) = (0, 0);
     while filled < total {
-        // A camera that drops readouts does not stop the light, so later edges have a smaller index in the file.
+        // If a camera loses readouts, the light continues. Later steps of the light therefore have a smaller index
+        // in the file.
         let count = (hold - at % hold).min(total - filled);
         let level = |p: usize| scene.light.level_at(p / width, p % width, at as u64).unwrap_or(0.0);
         let samples: Vec<f32> = (0..setup.geometry.pixels()).map(|p| (lamp * level(p)) as f32).collect();
@@ -130,14 +132,15 @@ fn bits_of(setup: &Setup, model: &Model, sample: &Sample, k: usize, seed: u64) -
     Ok(out)
 }
 
-/// Gives flicker a random phase per recording, because a recording begins at any phase. With a common phase, slow
-/// flicker would change the response to a square wave in the way of that phase only.
+/// Returns the model with a random phase of flicker for each recording, because a recording begins at any phase.
+/// With one phase for all simulations, slow flicker would always change the response to a square wave in the same
+/// way.
 fn with_random_phase(model: &Model, seed: u64, k: usize) -> Cow<'_, Model> {
     let is_flicker = |op: &Op| matches!(op, Op::Flicker { depth, .. } if *depth != 0.0);
     if !model.ops.iter().any(is_flicker) {
         return Cow::Borrowed(model);
     }
-    // Multiples of the golden ratio and of the plastic number have uniformly distributed fractions.
+    // The fractional parts of multiples of the golden ratio and of the plastic number are uniformly distributed.
     let phase = (0.618_034 * (seed % 1_000_003) as f64 + 0.754_878 * k as f64).fract();
     let mut shifted = model.clone();
     for op in &mut shifted.ops {
@@ -156,12 +159,12 @@ fn scan_of(geometry: Geometry, bytes: &[u8], scene: &RecordedScene) -> Result<Sc
     scan(SpikeFramesRef::new(geometry, bytes)?, scene.scan_options())
 }
 
-/// Patterns that the surface of a scene contains, because they vary little between neighbors. A camera with these effects
-/// would have them twice.
+/// Effects whose patterns vary little between neighbors. The surface of a recorded scene already contains these
+/// patterns, so they are removed from the simulated camera.
 const SURFACE_EFFECTS: [&Definition; 3] = [&vignetting::EFFECT, &edge_columns::EFFECT, &smooth_prnu::EFFECT];
 
-/// Simulates a camera that records the surface of a static scene: the measured rates without the differences between
-/// neighbors.
+/// Simulates a camera that records the surface of a static scene. The surface is the mean of the measured rates
+/// around each pixel, without the differences between neighbors.
 pub(crate) fn simulate_static_scene(
     static_scene: &StaticScene,
     camera: Camera,
@@ -169,7 +172,7 @@ pub(crate) fn simulate_static_scene(
     scene: &RecordedScene,
 ) -> Result<Scan> {
     let geometry = camera.sensor.geometry;
-    // The phase of the pixels at the start of the recording is unknown.
+    // The start phases of the pixels are unknown, so they are random.
     let mut camera = camera.with_effect(start_phase::EFFECT.neutral().with_value("share", 1.0)?);
     for effect in SURFACE_EFFECTS {
         camera = camera.without_effect(effect.name);
@@ -192,7 +195,7 @@ pub(crate) fn simulate_static_scene(
     Ok(scan_result)
 }
 
-/// Returns the statistics of the maps that follow from the fixed pattern of a camera.
+/// Returns the statistics of the maps of gain and dark current that the fixed pattern of a simulated camera causes.
 pub(crate) fn simulate_rate_maps(setup: &Setup, sample: &Sample, seed: u64) -> Result<StatisticsVector> {
     let seeds = Seeds { camera: seed, shot: 0, sequence: 0 };
     let model = camera_for(setup, &sample.camera).model(seeds)?;

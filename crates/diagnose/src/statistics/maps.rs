@@ -1,4 +1,5 @@
-//! Maps of gain and dark current, which are the lines of the pixels over the light, and statistics of maps.
+//! Maps of gain and dark current, and statistics of maps. The maps come from a line through the rates of each pixel
+//! as a function of the light.
 
 use crate::recordings::scan::Scan;
 use crate::recordings::setup::Setup;
@@ -12,14 +13,15 @@ use spikelane_calibrate::unstable::SATURATION_RATE;
 /// Number of parameters of the parabola that [`subtract_parabola`] fits.
 const PARABOLA_PARAMETERS: usize = 3;
 
-/// The line of every pixel, `rate = gain * light + dark`, over the uniform levels.
+/// The line `rate = gain * light + dark` of every pixel, fitted to the uniform levels.
 ///
-/// The weights depend on the levels alone, so the fit is the same statistic for every camera. `calibrate` has the
-/// efficient estimator.
+/// The weights of the fit depend only on the levels, so the fit is the same statistic for every camera. The crate
+/// `spikelane_calibrate` has the efficient estimator.
 pub(crate) struct Lines {
     pub gain: Vec<f64>,
     pub dark: Vec<f64>,
-    /// Index of each recording, and the relative deviations of its rates from the lines.
+    /// Deviations of the rates from the lines. Each element has the index of a recording, and one deviation per
+    /// pixel. A deviation is divided by the light of the recording, or by 0.01 if the light is lower.
     pub residuals: Vec<(usize, Vec<f64>)>,
 }
 
@@ -29,12 +31,12 @@ impl Lines {
     }
 }
 
-/// Returns the unit of the residuals at a level: the light, or 0.01 for a darker level.
+/// Returns the unit of the residuals at a level: the light of the level, but at least 0.01.
 fn residual_unit(light: f64) -> f64 {
     light.max(0.01)
 }
 
-/// Fits the lines. Returns `None` for fewer than two levels.
+/// Fits the line of every pixel. Returns `None` if the set has fewer than two uniform levels.
 pub(crate) fn fit_lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
     let levels: Vec<(usize, f64)> = setup
         .recordings
@@ -58,8 +60,8 @@ pub(crate) fn fit_lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
     for (k, light) in &levels {
         let residual = |p: usize| {
             let rate = scans[*k].pixels[p].rate;
-            // Dead pixels do not follow an error of the lamp. 1 % of them would determine the tail of the
-            // distribution.
+            // The rate of a dead pixel does not follow an error of the lamp. Dead pixels are excluded, because 1 %
+            // of them would determine the tail of the distribution.
             let is_dead = rate <= 0.0 && *light > 0.0;
             if is_dead || rate > SATURATION_RATE {
                 f64::NAN
@@ -72,7 +74,7 @@ pub(crate) fn fit_lines(setup: &Setup, scans: &[Scan]) -> Option<Lines> {
     Some(lines)
 }
 
-/// Names of the statistics of one map.
+/// Names of the statistics of one map, in the order of their values in `push_map`.
 struct StatisticNames([&'static str; 26]);
 
 macro_rules! names {
@@ -115,7 +117,7 @@ const DARK_NAMES: StatisticNames = names!("dark current");
 pub(crate) struct Map<'a> {
     values: &'a [f64],
     spread: Spread,
-    /// Deviations from the median in robust standard deviations, limited to [`OUTLIER_SDS`].
+    /// Deviations from the median in robust standard deviations, limited to ±[`OUTLIER_SDS`].
     z: Vec<f64>,
 }
 
@@ -127,8 +129,9 @@ impl<'a> Map<'a> {
         Self { values, spread, z }
     }
 
-    /// Returns the slope of `values` over the relative deviation of this map from its median. Outliers of both are
-    /// limited. `value_spread` contains the order statistics of `values`.
+    /// Returns the slope of `values` as a function of the relative deviation of this map from its median. Outliers
+    /// of the map and of `values` are limited to [`OUTLIER_SDS`]. `value_spread` contains the order statistics of
+    /// `values`.
     pub(crate) fn slope(&self, values: &[f64], value_spread: &Spread) -> f64 {
         let (mut xy, mut xx) = (0.0, 0.0);
         for (x, y) in self.z.iter().zip(values).filter(|(_, y)| y.is_finite()) {
@@ -141,7 +144,7 @@ impl<'a> Map<'a> {
     }
 }
 
-/// Adds the statistics of the maps of gain and dark current.
+/// Adds the statistics of the maps of gain and dark current to `v`.
 pub(crate) fn push_maps(v: &mut StatisticsVector, gain: &Map<'_>, dark: &Map<'_>, width: usize) {
     push_map(v, &GAIN_NAMES, gain, width);
     push_map(v, &DARK_NAMES, dark, width);
@@ -150,21 +153,22 @@ pub(crate) fn push_maps(v: &mut StatisticsVector, gain: &Map<'_>, dark: &Map<'_>
     v.push(None, "gain and dark current together", both, 1e-3);
 }
 
-/// Adds the statistics of one map.
+/// Adds the statistics of one map to `v`.
 fn push_map(v: &mut StatisticsVector, names: &StatisticNames, map: &Map<'_>, width: usize) {
     let Map { values: map, spread, z } = map;
     let n = map.len() as f64;
     let height = map.len() / width;
     let limit = OUTLIER_SDS * spread.sd();
-    // The number of pixels beyond the limit, and their mean logarithmic distance.
+    // Returns the number of pixels beyond the limit, and the mean logarithm of their distances. Few pixels reduce
+    // the mean ([`OUTLIER_HALF_WEIGHT`]).
     let outliers = |sign: f64| {
         let beyond = map.iter().map(|x| sign * (x - spread.median())).filter(|off| *off > limit);
         let (count, sum) = beyond.fold((0.0, 0.0), |(n, sum), off| (n + 1.0, sum + (off / limit).ln()));
         (count, sum / (OUTLIER_HALF_WEIGHT + count))
     };
     let (above, below) = (outliers(1.0), outliers(-1.0));
-    // Outliers are counted above. They are excluded here, because a 1 % quantile would change abruptly when 1 % of the
-    // pixels become outliers.
+    // Outliers are already counted above, so they are excluded from the tails. Otherwise, a 1 % quantile would
+    // change abruptly when 1 % of the pixels become outliers.
     let is_inlier = |x: &&f64| (*x - spread.median()).abs() <= limit;
     let inliers = Spread::of(&map.iter().filter(is_inlier).copied().collect::<Vec<f64>>());
     let mut values = vec![
@@ -209,10 +213,11 @@ fn push_map(v: &mut StatisticsVector, names: &StatisticNames, map: &Map<'_>, wid
     }
 }
 
-/// Subtracts a parabola from the means of rows or columns, without the first and the last one.
+/// Subtracts the best-fitting parabola from the means of rows or of columns. The first and the last element are
+/// removed first, because they have their own statistics.
 ///
-/// Light that decreases toward the corners causes a parabola: vignetting of 0.3 changes the row means as much as a row
-/// pattern of 0.045. The first and the last line have statistics of their own.
+/// Light that decreases toward the corners causes such a parabola. Without the subtraction, a vignetting of 0.3
+/// would change the row means as much as a row pattern of 0.045.
 fn subtract_parabola(lines: &[f64]) -> Vec<f64> {
     let inner = &lines[1..lines.len() - 1];
     let n = inner.len() as f64;
@@ -222,7 +227,7 @@ fn subtract_parabola(lines: &[f64]) -> Vec<f64> {
     let shapes: [&dyn Fn(usize) -> f64; PARABOLA_PARAMETERS] =
         [&|_| 1.0, &place, &|i| place(i).powi(2) - mean_square];
     let mut left = inner.to_vec();
-    // The three shapes are orthogonal, so they are fitted one after the other.
+    // The three shapes are orthogonal, so each is fitted independently of the others.
     for shape in shapes {
         let (sum, square) =
             (0..inner.len()).fold((0.0, 0.0), |(s, q), i| (s + inner[i] * shape(i), q + shape(i).powi(2)));
@@ -239,7 +244,7 @@ fn largest_magnitude(level: &[f64]) -> f64 {
     level.iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
-/// Returns the mean product of pixels at a distance.
+/// Returns the mean product of two pixels at the distance of `down` rows and `right` columns.
 fn mean_product(z: &[f64], width: usize, down: usize, right: isize) -> f64 {
     let height = z.len() / width;
     let (mut sum, mut count) = (0.0, 0.0);
@@ -257,9 +262,11 @@ fn mean_product(z: &[f64], width: usize, down: usize, right: isize) -> f64 {
 
 /// Returns the highest power in the spectrum of the map, divided by the mean power.
 ///
-/// Waves along an axis, which are lines of the sensor, and waves longer than the limit, which are uneven light, are
-/// excluded. Zero padding halves the frequency step of the spectrum. A wave between two frequencies then loses at most
-/// a third of its power instead of five sixths.
+/// Two kinds of waves are excluded. Waves along an axis are patterns of rows or columns. Waves longer than a limit
+/// come from uneven light.
+///
+/// The map is padded with zeros to twice its size, which halves the frequency step. A wave between two frequencies
+/// then loses at most a third of its power. Without padding, it would lose up to five sixths.
 fn spectral_peak(z: &[f64], width: usize) -> f64 {
     let (across, down) = (2 * width, 2 * (z.len() / width));
     let [rows, columns] = transforms([across, down]);
@@ -284,7 +291,8 @@ fn spectral_peak(z: &[f64], width: usize) -> f64 {
             return 1.0;
         }
         for row in MIN_WAVE_HALF_PERIODS..a.len() {
-            // The spectrum is `F(re) + i F(im)`, at each frequency and at its negative.
+            // The spectrum is `F(re) + i F(im)`. Its values at a frequency and at the negative frequency follow
+            // from both transforms.
             for sign in [1.0, -1.0] {
                 let power = (a[row].re - sign * b[row].im).powi(2) + (sign * a[row].im + b[row].re).powi(2);
                 highest = highest.max(power);
@@ -303,11 +311,12 @@ mod tests {
     #[test]
     fn vignetting_does_not_appear_as_a_line_pattern() {
         let fall: Vec<f64> = (0..48).map(|i| 1.0 + 0.02 * f64::from(i) - 0.01 * f64::from(i * i)).collect();
-        // The values are at most about 20, and 48 of them are summed. The rounding error is below 48 x 20 x 2.2e-16.
+        // The values are at most about 20, and sums have 48 of them. The rounding error is below 48 x 20 x 2.2e-16.
         assert!(largest_magnitude(&subtract_parabola(&fall)) < 1e-12);
         let mut odd = fall;
         odd[20] += 1.0;
-        // The fit removes the leverage of one line. It is (1 + 3 + 5) / 46 at the ends and smaller elsewhere.
+        // A single deviating line also moves the parabola, which reduces its residual by the leverage. The leverage
+        // is `(1 + 3 + 5) / 46` at the ends and smaller elsewhere.
         assert!(largest_magnitude(&subtract_parabola(&odd)) > 0.8);
     }
 
@@ -323,8 +332,8 @@ mod tests {
             .map(|_| variance(&subtract_parabola(&(0..12).map(|_| draw()).collect::<Vec<f64>>())))
             .sum::<f64>()
             / f64::from(sets);
-        // Uniform numbers have a variance of 1/12. The variance of 10 lines has a relative standard deviation of at
-        // most sqrt(2/7), which is 0.012 for the mean of 2,000 sets.
+        // Uniform numbers of width 1 have a variance of 1/12. The variance of 10 lines has a relative standard
+        // deviation of at most sqrt(2/7). For the mean of 2,000 sets, this is 0.012.
         assert!((mean * 12.0 - 1.0).abs() < 4.0 * 0.012, "{mean}");
     }
 }

@@ -1,4 +1,4 @@
-//! Measures a recording set: all statistics of its recordings and maps.
+//! Measures a recording set: all statistics of its recordings and of its maps.
 
 use crate::events::locations::{LocatedEvents, locate_events};
 use crate::recordings::bits::PixelBits;
@@ -12,7 +12,7 @@ use spikelane::error::{Error, ErrorKind, Result};
 use spikelane::spikes::SpikeFramesRef;
 use spikelane_calibrate::{RecordingSet, measure_levels};
 
-/// A measured set: its vector of statistics, the scans behind it, and the located events.
+/// A measured set: its statistics vector, the scans of its recordings, and the located events.
 #[derive(Clone, Debug)]
 pub(crate) struct MeasuredSet {
     pub scans: Vec<Scan>,
@@ -42,7 +42,7 @@ pub(crate) fn measure(setup: &Setup, set: &RecordingSet) -> Result<MeasuredSet> 
     Ok(MeasuredSet { scans, values, located: LocatedEvents(located) })
 }
 
-/// Returns the statistics of a scanned set. Their number depends on the setup alone.
+/// Returns the statistics vector of a scanned set. The number of statistics depends only on `setup`.
 pub(crate) fn statistics_vector(setup: &Setup, scans: &[Scan]) -> StatisticsVector {
     let mut v = StatisticsVector { statistics: Vec::new(), values: Vec::new() };
     let fitted = fit_lines(setup, scans);
@@ -51,12 +51,12 @@ pub(crate) fn statistics_vector(setup: &Setup, scans: &[Scan]) -> StatisticsVect
         let scene = &setup.recordings[k];
         if scene.is_constant() {
             push_intervals(&mut v, k, scan, scene.is_dim());
-            // Square waves are excluded, because the light of a block depends on the position of the steps in it.
+            // Square waves are excluded: the light of a block of time depends on the positions of the steps in it.
             push_stability(&mut v, k, scan);
         }
         if scene.static_scene.is_some() {
             v.push(k, "pixels side by side, spread of rates", ln(scan.contrast), 5e-3);
-            // The totals and the neighbors of a static scene depend on the unknown scene.
+            // All further statistics of a static scene depend on the unknown scene, so they are omitted.
             continue;
         }
         readouts::push_totals(&mut v, k, scan, scene);
@@ -73,7 +73,7 @@ pub(crate) fn statistics_vector(setup: &Setup, scans: &[Scan]) -> StatisticsVect
     v
 }
 
-/// Adds the statistics of intervals.
+/// Adds the statistics of the intervals of recording `k` to `v`. `dim` states whether all intervals are measured.
 fn push_intervals(v: &mut StatisticsVector, k: usize, scan: &Scan, dim: bool) {
     let pixels = &scan.pixels;
     let off_lattice = |i: usize| pixels.iter().map(|p| f64::from(p.off_lattice[i])).sum::<f64>();
@@ -88,7 +88,8 @@ fn push_intervals(v: &mut StatisticsVector, k: usize, scan: &Scan, dim: bool) {
         let measured: Vec<f64> =
             pixels.iter().filter(|p| p.terms[i] > 0.0).map(|p| p.variance[i] / p.terms[i]).collect();
         let spread = Spread::of(&measured);
-        // The unit is 1e-4 thresholds squared. The trimmed mean excludes the pixels with the largest deviations.
+        // The unit is 1e-4 thresholds squared. The trimmed mean excludes the pixels with the lowest and the highest
+        // 5 % of the values.
         v.push(k, NAMES[i], 1e4 * spread.trimmed, 2e-3);
         if i == 1 {
             v.push(k, "interval variance over pixels, spread", ln(spread.iqr() * 1e4), 2e-3);
@@ -102,7 +103,7 @@ fn push_intervals(v: &mut StatisticsVector, k: usize, scan: &Scan, dim: bool) {
     }
 }
 
-/// Adds the changes between blocks of time.
+/// Adds the changes of recording `k` between blocks of time to `v`.
 fn push_stability(v: &mut StatisticsVector, k: usize, scan: &Scan) {
     let n = scan.pixels.len() as f64;
     let half = |p: &PixelScan, second: bool| -> f64 {
@@ -131,11 +132,11 @@ fn push_stability(v: &mut StatisticsVector, k: usize, scan: &Scan) {
     v.push(k, "change between blocks, variance", sum / (BLOCK_COUNT - 1) as f64, 1e-3);
 }
 
-/// Adds the deviations of the levels from the lines of the pixels.
+/// Adds the deviations of the rates at each level from the lines of the pixels to `v`.
 fn push_residuals(v: &mut StatisticsVector, fitted: &Lines, gain: &Map<'_>) {
     for (k, off) in &fitted.residuals {
         let spread = Spread::of(off);
-        // The deviations are relative to the light, or to 0.01 for a darker level.
+        // The deviations are divided by the light, or by 0.01 if the light is lower.
         v.push(*k, "rate against the pixel's line", 1e3 * spread.trimmed, 0.01);
         v.push(*k, "spread about the line", ln(spread.iqr()), 2e-3);
         let (low, high) = (spread.q[0], spread.q[6]);
@@ -144,7 +145,7 @@ fn push_residuals(v: &mut StatisticsVector, fitted: &Lines, gain: &Map<'_>) {
     }
 }
 
-/// Returns the statistics of measured rate maps, from the darkest and the brightest map.
+/// Returns the statistics of a set of measured rate maps. They come from the darkest and from the brightest map.
 pub(crate) fn measure_rate_maps(setup: &Setup, set: &RecordingSet) -> Result<Vec<f64>> {
     let observed = measure_levels(set, &mut |_, _| {})?;
     let (Some(dark), Some(bright)) = (observed.levels.first(), observed.levels.last()) else {
@@ -157,7 +158,7 @@ pub(crate) fn measure_rate_maps(setup: &Setup, set: &RecordingSet) -> Result<Vec
     Ok(rate_map_statistics(&gain, &dark.rate, setup).values)
 }
 
-/// Returns the statistics of the maps of gain and dark current, in thresholds.
+/// Returns the statistics of the maps `gain` and `dark`, which are in thresholds per readout.
 pub(crate) fn rate_map_statistics(gain: &[f64], dark: &[f64], setup: &Setup) -> StatisticsVector {
     let mut v = StatisticsVector { statistics: Vec::new(), values: Vec::new() };
     maps::push_maps(&mut v, &Map::new(gain), &Map::new(dark), setup.geometry.width());

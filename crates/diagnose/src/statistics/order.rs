@@ -3,7 +3,7 @@
 /// Probabilities of the quantiles.
 const PROBABILITIES: [f64; 7] = [0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99];
 
-/// Quantiles, and the mean without the lowest and the highest 5 %.
+/// Quantiles of the finite values, and their mean without the lowest and the highest 5 %.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Spread {
     pub q: [f64; 7],
@@ -58,7 +58,8 @@ impl Spread {
     }
 }
 
-/// Maps the bits of a float to an integer with the same order, which compares faster. The mapping is its own inverse.
+/// Maps the bits of a float to an integer with the same order, because integers compare faster. The function is its
+/// own inverse.
 fn ordered_bits(bits: i64) -> i64 {
     bits ^ ((bits >> 63) & i64::MAX)
 }

@@ -11,7 +11,7 @@ use crate::thresholds::{MIN_LINE_LIGHT, STEADY_READOUTS, STEP_WINDOWS};
 use spikelane_calibrate::unstable::SATURATION_RATE;
 use spikelane_calibrate::{Stimulus, StimulusPattern};
 
-/// Adds the statistics of the spikes per readout and of the coincidences of neighbors.
+/// Adds the statistics of the spikes per readout, and of the coincidences of neighbors, to `v`.
 pub(crate) fn push_totals(v: &mut StatisticsVector, k: usize, scan: &Scan, scene: &RecordedScene) {
     let n = scan.pixels.len() as f64;
     let t = scan.totals.len();
@@ -37,15 +37,15 @@ pub(crate) fn push_totals(v: &mut StatisticsVector, k: usize, scan: &Scan, scene
         "neighbors beside, next readout",
         "neighbors below, next readout",
     ];
-    // In a square wave, the common light makes neighbors fire together. The amount depends on the share of bright
-    // readouts.
+    // Square waves are excluded. Their light makes neighbors fire together, and how often depends on the share of
+    // bright readouts.
     for (name, value) in NAMES.into_iter().zip(scan.neighbors).filter(|_| scene.is_constant()) {
         v.push(k, name, value, 5e-5);
     }
     let mean_changes =
         scan.changes.iter().map(|c| f64::from(*c)).sum::<f64>() / scan.changes.len().max(1) as f64;
     let equal = scan.changes.iter().filter(|c| f64::from(**c) < 0.4 * mean_changes).count() as f64;
-    // With few spikes, two successive readouts are equal by chance.
+    // With few spikes, two successive readouts are often equal by chance, so they are not counted.
     let equal = if mean_changes > 0.002 * n { equal } else { 0.0 };
     v.push_count(k, "readouts equal to the one before", equal);
     if scene.is_dim() && scene.brightness() > 0.0 {
@@ -53,8 +53,8 @@ pub(crate) fn push_totals(v: &mut StatisticsVector, k: usize, scan: &Scan, scene
     }
 }
 
-/// Adds the number of moments at which all intervals are short or long. Intervals across a lost readout are short by
-/// one.
+/// Adds the number of moments at which the intervals of all pixels are short, and at which they are long. Intervals
+/// that contain a lost readout are shorter by one readout.
 fn push_jumps(v: &mut StatisticsVector, k: usize, scan: &Scan) {
     let spikes: f64 = scan.deviations.iter().map(|d| d[1]).sum();
     let window = (scan.pixels.len() as f64 * scan.deviations.len() as f64 / spikes.max(1.0)).round() as usize;
@@ -78,12 +78,13 @@ fn push_jumps(v: &mut StatisticsVector, k: usize, scan: &Scan) {
     v.push_count(k, "moments with long intervals", above);
 }
 
-/// Adds the power of the spikes per readout in frequency bands.
+/// Adds the power of the spikes per readout in four frequency bands, and the strongest line.
 fn push_spectrum(v: &mut StatisticsVector, k: usize, totals: &[u32], light: f64) {
     let power = power(totals);
     let t = totals.len();
     let mean = |from: usize, to: usize| {
-        // Below 600 readouts the low band is empty, because its frequencies belong to the slow band.
+        // In recordings of fewer than 600 readouts, the low band is empty, because the slow band contains its
+        // frequencies.
         let part = &power[from.min(power.len())..to.max(from).min(power.len())];
         part.iter().sum::<f64>() / part.len().max(1) as f64
     };
@@ -96,7 +97,7 @@ fn push_spectrum(v: &mut StatisticsVector, k: usize, totals: &[u32], light: f64)
     }
 }
 
-/// Adds the rates in the windows after a step, relative to the steady rate.
+/// Adds the rates in four windows after each step of a square wave, relative to the steady rate.
 pub(crate) fn push_steps(v: &mut StatisticsVector, k: usize, scan: &Scan, scene: &RecordedScene) {
     if scene.half_period().is_none() {
         return;
@@ -130,8 +131,8 @@ pub(crate) fn push_steps(v: &mut StatisticsVector, k: usize, scan: &Scan, scene:
     }
 }
 
-/// Adds the slopes of the excess rate after a fall over gain and over dark current. Late light is proportional to the
-/// gain.
+/// Adds two slopes of the excess rate after a fall of the light: as a function of the gain, and of the dark
+/// current. If some light arrives late, the excess is proportional to the gain.
 pub(crate) fn push_after_falls(
     v: &mut StatisticsVector,
     k: usize,
@@ -155,7 +156,8 @@ pub(crate) fn push_after_falls(
     v.push(k, "after a fall, by dark current", 1e3 * dark.slope(&excess, &spread), 0.05);
 }
 
-/// Adds the deviations of the rates inside and at the edges of the squares from the lines of the pixels.
+/// Adds the deviations of the rates in a checkerboard from the lines of the pixels. The inside and the edges of
+/// bright and of dark squares are separate statistics.
 pub(crate) fn push_checkerboard(
     v: &mut StatisticsVector,
     k: usize,
@@ -197,7 +199,7 @@ pub(crate) fn push_checkerboard(
 mod tests {
     use super::*;
 
-    /// Tests lengths of recordings at which bands of frequencies are empty or nearly empty.
+    /// Lengths of recordings at which some frequency bands are empty or have few frequencies.
     #[test]
     fn short_recordings_have_finite_spectra() {
         for readouts in [256, 499, 500, 534, 599, 600, 601] {

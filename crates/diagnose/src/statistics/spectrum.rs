@@ -8,7 +8,7 @@ use realfft::{RealFftPlanner, RealToComplex};
 use spikelane::unstable::kernels::dispatch;
 use spikelane_measure::squared_magnitudes;
 
-/// Returns the power spectrum of the spikes per readout, relative to independent pixels.
+/// Returns the power spectrum of the spikes per readout. The unit is the power of independent spikes.
 pub(crate) fn power(totals: &[u32]) -> Vec<f64> {
     let n = totals.len();
     let mean = totals.iter().map(|c| f64::from(*c)).sum::<f64>() / n.max(1) as f64;
@@ -20,9 +20,10 @@ pub(crate) fn power(totals: &[u32]) -> Vec<f64> {
     squares.iter().map(|square| square / (n as f64 * mean.max(1e-9))).collect()
 }
 
-/// Returns the frequency near a given `frequency` at which all of `totals` together have the highest power, in cycles per readout.
+/// Returns the frequency, in cycles per readout, at which the summed power of all `totals` is highest. The search
+/// is limited to one frequency step of the spectrum on each side of `frequency`.
 ///
-/// For a clear line, the error is a few hundredths of the frequency step of the spectrum.
+/// For a clear line, the error is a few hundredths of this step.
 pub(crate) fn refine_line(totals: &[&[u32]], frequency: f64) -> f64 {
     let longest = totals.iter().map(|t| t.len()).max().unwrap_or(1) as f64;
     let at = |i: i32| frequency + f64::from(i) / (STEPS_PER_BIN * longest);
@@ -35,7 +36,7 @@ pub(crate) fn refine_line(totals: &[&[u32]], frequency: f64) -> f64 {
     at(best as i32 - 1 - reach) + top.clamp(-0.5, 0.5) / (STEPS_PER_BIN * longest)
 }
 
-/// Returns the power of the totals at any frequency, divided by their mean.
+/// Returns the power of `totals` at any frequency, divided by their mean.
 fn power_at(totals: &[u32], frequency: f64) -> f64 {
     let mean = totals.iter().map(|c| f64::from(*c)).sum::<f64>() / totals.len().max(1) as f64;
     let (mut re, mut im) = (0.0, 0.0);
@@ -46,7 +47,8 @@ fn power_at(totals: &[u32], frequency: f64) -> f64 {
     (re * re + im * im) / mean.max(1e-9)
 }
 
-/// Returns the frequency of the highest line in cycles per readout, and its power divided by the mean power around it.
+/// Returns the frequency of the strongest line, in cycles per readout, and the ratio of its power to the mean power
+/// around it.
 pub(crate) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
     let end = ((MAX_LINE_FREQUENCY * readouts as f64) as usize).min(power.len());
     let mut best = (0.0, 1.0);
@@ -65,8 +67,8 @@ pub(crate) fn line(power: &[f64], readouts: usize) -> (f64, f64) {
     best
 }
 
-/// Returns the sum of the powers around each frequency below `end`, in order of frequency. No summand exceeds the
-/// power at the frequency itself. The first two frequencies are excluded.
+/// Returns, for each frequency below `end`, the sum of the powers at up to [`BACKGROUND_BINS`] frequencies on each
+/// side. A power larger than that at the frequency itself counts as equal to it. The first two sums are zero.
 #[inline(always)]
 fn background_sums(power: &[f64], end: usize) -> Vec<f64> {
     let mut sums = vec![0.0; end];
@@ -79,7 +81,7 @@ fn background_sums(power: &[f64], end: usize) -> Vec<f64> {
     sums
 }
 
-/// Adds one neighbor of all frequencies from `first` on. The sums of different frequencies are independent, so the
+/// Adds the powers of one neighbor to the sums of all frequencies from `first` on. The sums are independent, so the
 /// compiler vectorizes the loop.
 #[inline(always)]
 fn add_neighbor(sums: &mut [f64], power: &[f64], first: usize, others: &[f64]) {
@@ -91,12 +93,12 @@ fn add_neighbor(sums: &mut [f64], power: &[f64], first: usize, others: &[f64]) {
 
 type Transform = Arc<dyn RealToComplex<f64>>;
 
-/// Transforms by the lengths that were planned together. A planner with other plans in its cache may choose other
-/// steps, which round differently.
+/// Plans of transforms. The key is the list of lengths that were planned together: a planner that contains other
+/// plans may choose other steps, whose rounding differs.
 static PLANS: LazyLock<Mutex<HashMap<Vec<usize>, Vec<Transform>>>> = LazyLock::new(Mutex::default);
 
-/// Returns transforms of these lengths. They are cached, because thousands of simulations use the same few lengths and
-/// planning takes longer than a transform.
+/// Returns transforms of the given lengths. They are cached, because thousands of simulations use the same few
+/// lengths, and planning takes longer than a transform.
 pub(crate) fn transforms<const N: usize>(lengths: [usize; N]) -> [Transform; N] {
     let mut plans = PLANS.lock().unwrap_or_else(PoisonError::into_inner);
     let plan = || {
@@ -113,7 +115,8 @@ mod tests {
 
     #[test]
     fn a_line_between_two_frequencies_of_the_spectrum_is_located() {
-        // 103.5 Hz at 20,000 readouts per second. The spectrum contains 100 Hz and 105 Hz.
+        // The line is at 103.5 Hz, with 20,000 readouts per second. The frequencies of the spectrum around it are
+        // 100 Hz and 105 Hz.
         let total = |phase: f64| {
             move |t: u32| {
                 let noise = f64::from(t.wrapping_mul(2_654_435_761) >> 28) - 7.5;

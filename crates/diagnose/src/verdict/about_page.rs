@@ -1,11 +1,11 @@
-//! Sections of the report about the recordings, the initial model, the terms and the command.
+//! Sections of the report: recordings, initial model, terms, and command.
 
 use crate::prepared::base_model::{BaseParameter, NumberSource};
 use crate::prepared::provenance::Provenance;
 use crate::verdict::diagnosis::Diagnosis;
 use spikelane_measure::report::{Cell, Table, row};
 
-/// Terms of the tables and plots, with their definitions.
+/// Terms of the tables and plots of the report, with their definitions.
 const TERMS: [(&str, &str); 17] = [
     (
         "discrepancy",
@@ -75,7 +75,7 @@ pub(super) fn recording_tables(about: &Provenance) -> Vec<Table> {
     set.extend(about.recorded_camera.iter().flat_map(|camera| camera.rows()));
     set.push(("pixels", format!("{} x {}", about.width, about.height)));
     set.push(("readouts per second", about.readout_hz.to_string()));
-    // Without parameters of an initial model, no recording was judged.
+    // Without an initial model, nothing was compared, so the held-out recordings are omitted.
     if !about.base_parameters.is_empty() {
         set.push(("held-out recordings", about.held_out.clone()));
     }
@@ -102,7 +102,7 @@ fn parameter_row(p: &BaseParameter) -> [Cell; 4] {
     row![&p.parameter, value, p.unit, source]
 }
 
-/// Returns the definitions of the terms that the page uses.
+/// Returns the definitions of the terms that the report uses.
 pub(super) fn glossary(d: &Diagnosis) -> Table {
     let used = |term: &str| {
         let statistics = d.traces.deviations.iter().map(|s| s.0.as_str());

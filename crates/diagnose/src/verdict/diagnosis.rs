@@ -14,12 +14,12 @@ use spikelane::effects::Camera;
 pub enum Verdict {
     /// No statistic exceeds its limit.
     Agrees,
-    /// Effects or parameter mismatches are named, nothing else is significant, and the held-out discrepancy is within
-    /// [`Discrepancy::limit`].
+    /// At least one effect or parameter mismatch is named, and no other deviation is significant. The held-out
+    /// discrepancy is within [`Discrepancy::limit`].
     Explained,
-    /// Something is named, but a significant discrepancy remains.
+    /// At least one effect or parameter mismatch is named, but a significant discrepancy remains.
     PartlyExplained,
-    /// A significant discrepancy remains, and nothing that is named explains it.
+    /// A significant discrepancy remains, and no effect or parameter mismatch is named, except tentative ones.
     Unknown,
     /// The time limit was reached before the recordings could be compared with the model.
     Undecided,
@@ -53,19 +53,20 @@ pub struct FoundEffect {
     pub name: &'static str,
     /// Fitted parameters.
     pub parameters: Vec<Parameter>,
-    /// Effects that fit as well within noise.
+    /// Effects that explain the recordings equally well within the noise.
     pub ambiguous_with: Vec<&'static str>,
-    /// Whether the name is tentative. The effect then explains less than half of the discrepancy while something
-    /// remains, or it is weaker beside others than the set can detect.
+    /// Whether the name is tentative. The usual reasons are two. A significant discrepancy remains, and the effect
+    /// explains less than half of the initial one. Or the model has other effects, and this one is weaker than the
+    /// set can detect.
     pub is_tentative: bool,
-    /// The evidence for the effect in words.
+    /// Description of the evidence for the effect.
     pub evidence: String,
     /// The step that `evidence` describes.
     #[serde(skip)]
     pub(crate) step: Option<Step>,
 }
 
-/// A parameter of the model that the data contradict.
+/// A parameter of the initial model that the recordings contradict.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterMismatch {
     /// The parameter as `effect.key`.
@@ -78,11 +79,12 @@ pub struct ParameterMismatch {
     pub low: f64,
     /// Upper end of the interval.
     pub high: f64,
-    /// Effects that fit as well within noise. For a tentative mismatch, also effects that explain at least half of its
-    /// change of the statistics.
+    /// Effects that explain the recordings equally well within the noise. For a tentative mismatch, also effects
+    /// that explain at least half of the change of the statistics by the mismatch.
     pub ambiguous_with: Vec<&'static str>,
-    /// Whether the mismatch is tentative. Either the held-out recordings do not confirm it, or a significant discrepancy remains and
-    /// the mismatch explains only a part. An effect that is not in the catalog may then have moved the parameter.
+    /// Whether the mismatch is tentative. It is tentative if the held-out recordings do not confirm it. It is also
+    /// tentative if a significant discrepancy remains and the mismatch explains only a part of the initial one. An
+    /// effect that is not in the catalog may have changed the fitted value.
     pub is_tentative: bool,
 }
 
@@ -90,22 +92,24 @@ pub struct ParameterMismatch {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct DiagnosedLamp {
-    /// File of the recording. For a source, it is the recording in which the source is alone.
+    /// File of the recording. For a source, the recording in which the source is alone.
     pub file: String,
-    /// Name of the source, if the set states the sources of the recording. A source has the same deviation in all recordings.
+    /// Name of the source. `None` if the set states no sources for the recording. A source has the same deviation
+    /// in all recordings.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
-    /// The stated light in words.
+    /// Description of the stated light.
     pub light: String,
-    /// Relative standard deviation of the light: the stated one, or a larger one if the levels contradict the stated one.
+    /// Relative standard deviation of the light. It is the stated one, or a larger one if the levels contradict the
+    /// stated one.
     pub uncertainty: f64,
-    /// Relative deviation from the stated light, from all recordings and the final model.
+    /// Relative deviation of the light from the stated light, estimated from all recordings with the final model.
     pub deviation: f64,
     /// Standard deviation of `deviation`.
     pub error: f64,
-    /// Deviation in units of `uncertainty`.
+    /// `deviation` divided by `uncertainty`.
     pub pull: f64,
-    /// Influence of this lamp on the parameters that are named.
+    /// Influence of this lamp on each named parameter.
     pub impacts: Vec<LampImpact>,
 }
 
@@ -115,34 +119,35 @@ pub struct DiagnosedLamp {
 pub struct LampImpact {
     /// The parameter as `effect.key`.
     pub parameter: String,
-    /// Change of the fitted value if the light of the lamp is larger by `error` of the lamp.
+    /// Change of the fitted value if the relative light of the lamp increases by its standard deviation `error`.
     pub change: f64,
 }
 
-/// A significant deviation that nothing explains.
+/// A statistic with a significant deviation that the final model does not explain.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct UnexplainedStatistic {
-    /// Recording and statistic.
+    /// Names of the recording and of the statistic.
     pub r#where: String,
     /// Deviation in standard deviations.
     pub z: f64,
 }
 
-/// A value of the recordings under the final model, and its limit.
+/// A comparison of the recordings with a limit of the final model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct LimitTest {
-    /// The quantity in words.
+    /// Name of the compared quantity.
     pub quantity: &'static str,
     /// Value of the fitted recordings.
     pub fitted_set: f64,
-    /// Value of the held-out recordings. `None` if they were not tested: nothing was held out, or no effect was added.
+    /// Value of the held-out recordings. `None` if they were not tested, because nothing was held out or no effect
+    /// was added.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub held_out_set: Option<f64>,
     /// Limit of both values.
     pub limit: f64,
-    /// Probability that a sensor that follows the model exceeds the limit. It is 0.05 if the first simulations sufficed,
-    /// otherwise 0.001.
+    /// Probability that a sensor that follows the model exceeds the limit. It is 0.05 if the first simulations were
+    /// sufficient, and 0.001 otherwise.
     pub exceedance_probability: f64,
 }
 
@@ -154,12 +159,12 @@ impl LimitTest {
     }
 }
 
-/// Discrepancy between model and data after each step.
+/// Discrepancies between the model and the recordings after each step of the search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Discrepancy {
-    /// Discrepancy on the fitted recordings. The first value is that without any added effect.
+    /// Discrepancies of the fitted recordings. The first value is the discrepancy without any added effect.
     pub fitted_set: Vec<f64>,
-    /// Discrepancy on the held-out recordings; the same values if nothing was held out.
+    /// Discrepancies of the held-out recordings. They equal `fitted_set` if nothing was held out.
     pub held_out_set: Vec<f64>,
     /// Noise floor: the discrepancy of sensors that follow the final model.
     pub noise_floor: f64,
@@ -168,16 +173,17 @@ pub struct Discrepancy {
 }
 
 impl Discrepancy {
-    /// Returns whether other recordings than the fitted ones were held out.
+    /// Returns whether the held-out recordings are others than the fitted ones.
     #[must_use]
     pub fn is_held_out(&self) -> bool {
         self.fitted_set != self.held_out_set
     }
 
-    /// Returns the largest held-out discrepancy of a set that counts as explained.
+    /// Returns the largest held-out discrepancy at which a set counts as explained.
     ///
-    /// It exceeds the noise floor by 1 % of the initial excess or by two standard deviations of the floor, whichever
-    /// is larger.
+    /// The limit is the noise floor plus a margin. The margin is 1 % of the initial excess or two standard
+    /// deviations of the noise floor, whichever is larger. The initial excess is the first held-out discrepancy
+    /// minus the noise floor.
     #[must_use]
     pub fn limit(&self) -> f64 {
         let first = self.held_out_set.first().map_or(0.0, |first| first - self.noise_floor);
@@ -196,46 +202,46 @@ impl Discrepancy {
 pub struct Diagnosis {
     /// The verdict.
     pub verdict: Verdict,
-    /// Faults of the laboratory: lamps, scenes and files. The diagnosis looks for them first, and adds no effect for
-    /// them.
+    /// Faults of lamps, scenes and files. The diagnosis searches faults before effects, and it adds no effect
+    /// because of a fault.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<Fault>,
     /// Effects that were added to the model.
     pub effects: Vec<FoundEffect>,
     /// Parameters of the model that the data contradict.
     pub parameter_mismatches: Vec<ParameterMismatch>,
-    /// The light of each lit recording without sources, and of each source.
+    /// The light of each source, and of each lit recording without stated sources.
     pub lamps: Vec<DiagnosedLamp>,
-    /// Rates of the uniform recordings and their deviations from the models, in ascending order of light.
+    /// Rates of the uniform recordings, and their deviations from the models, in ascending order of light.
     pub rates: Vec<RateResidual>,
     /// Significant deviations that remain.
     pub unexplained: Vec<UnexplainedStatistic>,
     /// Discrepancies after each step.
     pub discrepancy: Discrepancy,
-    /// Values of the recordings under the final model, and the limits that decide whether a deviation is significant.
+    /// Comparisons with the limits that decide whether a deviation is significant.
     pub tests: Vec<LimitTest>,
-    /// Questions that the time limit left open; empty if the limit was not reached.
+    /// Questions that the time limit left open. The list is empty if the limit was not reached.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub undecided: Vec<String>,
-    /// Recordings that would separate ambiguous effects.
+    /// Recordings that would distinguish ambiguous effects.
     pub recommended_recordings: Vec<String>,
-    /// Upper limits for the effects of the catalog that were not added. Empty unless the model describes the recordings, which
-    /// are the verdicts [`Verdict::Agrees`] and [`Verdict::Explained`].
+    /// Upper limits for the effects of the catalog that were not added. The list is empty unless the model
+    /// describes the recordings, as with the verdicts [`Verdict::Agrees`] and [`Verdict::Explained`].
     pub limits: Vec<EffectLimit>,
-    /// Effects that this set cannot show.
+    /// Effects that this set cannot show at any strength.
     pub undetectable: Vec<&'static str>,
     /// Duration of the diagnosis in seconds.
     pub seconds: f64,
-    /// Numbers of simulations from the cache and of new ones; `None` without a cache. They are not part of the
-    /// answer, so no file contains them.
+    /// Number of simulations from the cache, and number of new simulations. `None` without a cache. The numbers are
+    /// not part of the result, so no file contains them.
     #[serde(skip)]
     pub cache_counts: Option<[usize; 2]>,
-    /// Origin of the held-out data, and other remarks.
+    /// Notes, for example on the origin of the held-out data.
     pub notes: Vec<String>,
-    /// The sets, the camera and the initial parameters; `None` for sets that share a null model.
+    /// The recordings, the camera and the initial parameters. `None` if the caller provided a null model.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub provenance: Option<Provenance>,
-    /// The camera with the added effects.
+    /// The camera with the added effects and the fitted parameters.
     #[serde(skip)]
     pub camera: Camera,
     /// Data of the plots.
@@ -244,7 +250,7 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// The diagnosis if the time limit is reached before the first simulations are complete.
+    /// Returns the diagnosis if the time limit is reached before the first simulations are complete.
     pub(crate) fn without_comparison(faults: Vec<Fault>, camera: Camera) -> Self {
         Self {
             verdict: Verdict::Undecided,
@@ -254,7 +260,7 @@ impl Diagnosis {
         }
     }
 
-    /// Returns the result for sets with so many faults that no diagnosis is possible.
+    /// Returns the diagnosis of a set with so many faults that no comparison is possible.
     pub(crate) fn stopped(faults: Vec<Fault>, camera: Camera) -> Self {
         Self {
             verdict: Verdict::Unknown,
@@ -291,13 +297,14 @@ impl Diagnosis {
 /// The data that the report shows.
 #[derive(Clone, Debug, Default)]
 pub struct ReportData {
-    /// Statistic, recording, and deviation before and after the diagnosis in standard deviations.
+    /// One row for each statistic: name, recording, deviation before the diagnosis, and deviation after it.
+    /// Deviations are in standard deviations.
     pub deviations: Vec<(String, String, f64, f64)>,
-    /// Effects with their misfit and whether they tied, for each round.
+    /// For each round, the compared effects with their discrepancy, and whether they are as likely as the winner.
     pub tournament: Vec<Vec<(&'static str, f64, bool)>>,
     /// The winner of each round and its outcome.
     pub step_outcomes: Vec<(&'static str, EliminationReason)>,
-    /// The step before each value of the discrepancy.
+    /// Name of the step that led to each value of the discrepancy.
     pub discrepancy_labels: Vec<String>,
     /// Plots of the recordings, of the initial model and of the final model.
     pub plots: Vec<(&'static str, SetPlots)>,

@@ -1,10 +1,10 @@
-//! Upper limits for the effects that a diagnosis did not find.
+//! Upper limits for the strengths of effects that a diagnosis did not find.
 //!
-//! The statistics of a sensor with amplitude `a` of an effect differ from the final model by `a s` and noise. `s` is the
-//! signature of the effect at a tried amplitude, which is the unit of `a`. With the projection `P` of the metric, which
-//! removes the base parameters, the lamps and the found effects, the estimate of `a` for the deviation `r` is
-//! `s^T P r / s^T P s`, and its standard deviation is `1 / sqrt(s^T P s)`. The limit is the estimate, at least zero, plus
-//! 1.645 standard deviations.
+//! `s` is the signature of an effect at a tried amplitude, and `a` is the true amplitude in units of the tried one.
+//! The deviation of the statistics from the final model is `r = a s` plus noise. `P` is the dual metric of the
+//! final model: it weights with the inverse noise, and it removes the base parameters, the lamps and the found
+//! effects. The estimate of `a` is `s^T P r / s^T P s`. Its standard deviation is `1 / sqrt(s^T P s)`. The limit is
+//! the estimate, but at least zero, plus 1.645 standard deviations.
 
 use crate::events::locations::Events;
 use crate::null_model::metric::Metric;
@@ -20,27 +20,28 @@ use spikelane::effects::definition::SearchScale;
 use spikelane::error::Result;
 use spikelane::unstable::threads;
 
-/// The largest strength of an effect with which the recordings are compatible.
+/// The largest strength of an effect that is compatible with the recordings.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct EffectLimit {
     /// Canonical name of the effect.
     pub name: &'static str,
-    /// Key of its strength.
+    /// Key of the parameter that is the strength of the effect.
     pub parameter: &'static str,
-    /// Upper limit of the strength with 95 % confidence, as a difference from the value of the model, in the parameter's
-    /// unit. It is the largest value over the tried shapes, such as time constants. `None` if the recordings are
-    /// compatible with `largest_tried` for one of them.
+    /// Upper limit of the strength with 95 % confidence. It is the difference from the value of the model, in the
+    /// unit of the parameter. It is the largest of the limits for the tried shapes of the effect, such as time
+    /// constants. `None` if, for one of the shapes, the recordings are compatible with `largest_tried`.
     pub limit: Option<f64>,
-    /// Median of the limit over the tried shapes. `None` if the recordings are compatible with `largest_tried` for half of
-    /// them.
+    /// Median of the limits for the tried shapes. `None` if, for half of the shapes, the recordings are compatible
+    /// with `largest_tried`.
     pub median_limit: Option<f64>,
-    /// Largest strength that was tried. A larger limit is not stated, because an effect need not be linear beyond.
+    /// Largest strength that was tried. No larger limit is stated, because the statistics may not be linear beyond
+    /// it.
     pub largest_tried: f64,
 }
 
-/// Returns a limit for each effect with a signature that satisfies `is_open`. `off` is the deviation of the statistics from
-/// the model to which `metric` belongs, and `events` are the located events of the recordings.
+/// Returns a limit for each effect with a signature that fulfills `is_open`. `off` is the deviation of the
+/// statistics from the model to which `metric` belongs. `events` contains the located events of the recordings.
 pub(crate) fn effect_limits(
     reference: &NullModel,
     metric: &Metric,
@@ -67,7 +68,7 @@ pub(crate) fn effect_limits(
     Ok(effects.into_iter().filter_map(limit).collect())
 }
 
-/// The signatures of an effect that differ in the amplitude only.
+/// The signatures of one effect that differ only in the amplitude.
 struct Shape<'a> {
     signatures: Vec<&'a Signature>,
 }
@@ -78,8 +79,8 @@ impl Shape<'_> {
         own.effect == other.effect && own.at[1..] == other.at[1..]
     }
 
-    /// Estimates the amplitude by each signature that is long enough. A second simulation of short ones is made if the shape
-    /// has no others, or if their length shows how the effect depends on the amplitude.
+    /// Estimates the amplitude with each signature that is long enough. A signature that is too short is simulated
+    /// a second time in two cases: if it is the strongest one and all are too short, or if the effect is quadratic.
     fn estimate(mut self, reference: &NullModel, metric: &Metric, dual: &DVector<f64>) -> Result<TriedShape> {
         let amplitude = |s: &Signature| s.candidate.at[0].abs();
         self.signatures.sort_by(|a, b| amplitude(a).total_cmp(&amplitude(b)));
@@ -111,8 +112,9 @@ impl Shape<'_> {
     }
 }
 
-/// Returns whether the length of a signature grows faster than the amplitude. The noise of the weakest one makes it longer,
-/// so it cannot make a linear effect look quadratic. `lengths` has amplitudes and lengths, weakest first.
+/// Returns whether the length of the signature grows faster than the amplitude. `lengths` contains pairs of
+/// amplitude and length, the smallest amplitude first. Noise increases the length of the weakest signature, which
+/// reduces the growth. Noise therefore cannot make a linear effect look quadratic.
 fn exceeds_linear(lengths: &[(f64, f64)]) -> bool {
     let Some((weak, short)) = lengths.first() else { return false };
     let stronger = lengths.iter().find(|(amplitude, _)| *amplitude > 1.01 * weak);
@@ -121,18 +123,18 @@ fn exceeds_linear(lengths: &[(f64, f64)]) -> bool {
     })
 }
 
-/// An amplitude that was tried.
+/// An amplitude that was tried, with its limit.
 #[derive(Clone, Debug)]
 struct TriedAmplitude {
     knob: Knob,
-    /// Position of the amplitude.
+    /// Position of the knob at this amplitude.
     position: f64,
-    /// Upper limit in units of `position`; `None` if the signature is lost in its own noise.
+    /// Upper limit of the amplitude, in units of the tried one. `None` if the noise hides the signature.
     share: Option<f64>,
 }
 
 impl TriedAmplitude {
-    /// Distance of a position from the value of the model, in the parameter's unit.
+    /// Returns the distance of `position` from the value of the model, in the unit of the parameter.
     fn strength(&self, position: f64) -> f64 {
         (self.knob.value(self.knob.clamped(position)) - self.knob.value(0.0)).abs()
     }
@@ -150,21 +152,22 @@ fn upper_share(estimate: AmplitudeEstimate, has_both_signs: bool) -> f64 {
     compatible + NORMAL_QUANTILE_95 * sd
 }
 
-/// The amplitudes of one shape of an effect, weakest first.
+/// The tried amplitudes of one shape of an effect, the smallest first.
 #[derive(Clone, Debug)]
 struct TriedShape {
     effect: &'static Definition,
-    /// Whether the statistics change with the square of the amplitude.
+    /// Whether the change of the statistics is proportional to the square of the amplitude.
     is_quadratic: bool,
     tried: Vec<TriedAmplitude>,
 }
 
 impl TriedShape {
-    /// Upper limit of the strength.
+    /// Returns the upper limit of the strength. Returns `None` if the recordings contradict none of the tried
+    /// amplitudes.
     ///
-    /// A limit between no effect and a tried amplitude is interpolated. If an amplitude is within its limit, the limit of
-    /// the next stronger one is not below it. The limit of an effect with an onset is the weakest amplitude that the
-    /// recordings contradict.
+    /// The limit comes from the weakest tried amplitude that the recordings contradict. It is interpolated between
+    /// zero and this amplitude. The weaker tried amplitudes are compatible with the recordings, so the limit is at
+    /// least the strongest of these. If the effect has an onset, the limit is not interpolated.
     fn limit(&self) -> Option<f64> {
         let mut compatible: f64 = 0.0;
         for amplitude in &self.tried {
@@ -189,7 +192,8 @@ impl TriedShape {
 }
 
 impl EffectLimit {
-    /// `counted` is the limit from counted events. Returns `None` if the effect has no tried amplitude.
+    /// Combines the limits of the shapes of an effect. `counted` is the limit from counted events, which replaces
+    /// them. Returns `None` if the effect has no tried amplitude.
     fn new(effect: &'static Definition, shapes: &[&TriedShape], counted: Option<f64>) -> Option<Self> {
         let all = || shapes.iter().flat_map(|shape| &shape.tried);
         let parameter = all().next()?.knob.key;
@@ -205,7 +209,7 @@ impl EffectLimit {
             name: effect.name,
             parameter,
             limit: stated(limits.last()),
-            // Of an even number, the larger one of the two in the middle.
+            // If the number of shapes is even, this is the larger of the two middle limits.
             median_limit: stated(limits.get(limits.len() / 2)),
             largest_tried,
         })
@@ -217,7 +221,8 @@ mod tests {
     use super::*;
     use spikelane::effects::{image_lag, saturation_clamp};
 
-    /// Amplitudes of 0.01 times a position, with the upper limit in units of each.
+    /// Returns a shape with the given positions and limits. An amplitude is 0.01 times its position, and a limit is
+    /// in units of its amplitude.
     fn shape(effect: &'static Definition, amplitudes: &[(f64, Option<f64>)]) -> TriedShape {
         let (scale, range) = (SearchScale::Linear, (0.0, 1.0));
         let knob = Knob { effect, key: "x", scale, center: 0.0, unit: 0.01, range };

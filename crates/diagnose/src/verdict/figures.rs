@@ -17,41 +17,42 @@ use spikelane::unstable::threads;
 use spikelane_calibrate::RecordingSet;
 use spikelane_measure::report::{PageElement, Plot, PlotPoint, heat_map};
 
-/// Number of bins of interval lengths.
+/// Number of bins in which interval lengths are counted.
 const INTERVAL_BINS: usize = 40;
 
-/// Upper end of the last bin, in mean intervals of the pixel.
+/// Length at the upper end of the last bin, in mean intervals of the pixel.
 const MAX_RELATIVE_INTERVAL: f64 = 2.0;
 
 /// Number of points of a spectrum, equally spaced in the logarithm of the frequency.
 const SPECTRUM_POINTS: usize = 60;
 
-/// Name of the statistic that contains the residuals.
+/// Name of the statistic that contains the residuals of the rates.
 const RESIDUAL_STATISTIC: &str = "rate against the pixel's line";
 
-/// Value of the statistic for a residual of 1.
+/// Value of this statistic if the residual of the rate is 1.
 const STATISTIC_UNITS: f64 = 1e3;
 
-/// Points of a curve in ascending order of x.
+/// Points (x, y) of a curve, in ascending order of x.
 pub(crate) type Points = Vec<(f64, f64)>;
 
-/// Name of a recording, and the points of a curve.
+/// Name of a recording, and points of its curve.
 pub type NamedCurve = (String, Points);
 
-/// Plot data of one set.
+/// Data of the plots of one set of recordings or simulations.
 #[derive(Clone, Debug, Default)]
 pub struct SetPlots {
     /// Number of pixels in a row; `None` without maps.
     pub width: Option<usize>,
-    /// Gain, and dark current in thresholds per readout, of every pixel, top row first; `None` without flats.
+    /// Gain, and dark current in thresholds per readout, of every pixel. The top row is first. `None` without
+    /// uniform recordings.
     pub maps: Option<[Vec<f64>; 2]>,
-    /// Spectrum of one recording: its name, and power over frequency in hertz. The power is relative to that of
-    /// independent pixels.
+    /// Spectrum of one recording: name of the recording, and power as a function of the frequency in hertz. The
+    /// unit of the power is that of independent spikes.
     pub spectrum: Option<NamedCurve>,
-    /// Lowest and highest power of the spectra of 20 further sensors of the model.
+    /// Lowest and highest power in the spectra of 20 further simulated sensors.
     pub spectrum_range: Option<[Points; 2]>,
-    /// Intervals of one recording: its name, and the share of the intervals over their length. The length is relative
-    /// to the pixel's mean.
+    /// Intervals of one recording: name of the recording, and share of the intervals as a function of their length.
+    /// The length is relative to the mean interval of the pixel.
     pub intervals: Option<NamedCurve>,
 }
 
@@ -78,17 +79,17 @@ pub(crate) fn set_plots(
     Ok(vec![("recordings", data), ("model before", simulated(&base)?), ("model after", after)])
 }
 
-/// Returns the uniform recording nearest to half of full scale, whose spectrum is shown.
+/// Returns the index of the uniform recording whose spectrum is shown. Its light is nearest to half of saturation.
 fn spectrum_recording(setup: &Setup) -> Option<usize> {
     flats(setup).min_by(|a, b| (a.1 - 0.5).abs().total_cmp(&(b.1 - 0.5).abs())).map(|(k, _)| k)
 }
 
-/// Returns the lit uniform recordings with their light.
+/// Returns the indices of the lit uniform recordings, with their light.
 fn flats(setup: &Setup) -> impl Iterator<Item = (usize, f64)> {
     setup.recordings.iter().enumerate().filter_map(|(k, s)| Some((k, s.level()?))).filter(|f| f.1 > 0.0)
 }
 
-/// Returns the lowest and the highest power of the spectra of simulated sensors.
+/// Returns the lowest and the highest power at each frequency in the spectra of simulated sensors.
 fn spectrum_range(reference: &NullModel, sample: &Sample) -> Result<Option<[Points; 2]>> {
     let setup = &reference.setup;
     let Some(k) = spectrum_recording(setup) else { return Ok(None) };
@@ -120,7 +121,8 @@ fn plots_of(setup: &Setup, scans: &[Scan], bits: impl Fn(usize) -> Result<Vec<u8
     })
 }
 
-/// Returns the share of the intervals in each bin of their length, relative to the mean of the pixel.
+/// Returns the share of the intervals in each bin of length. The length is relative to the mean interval of the
+/// pixel.
 fn interval_lengths(setup: &Setup, bytes: &[u8]) -> Result<Vec<(f64, f64)>> {
     let frames = SpikeFramesRef::new(setup.geometry, bytes)?;
     let mut bins = [0.0; INTERVAL_BINS];
@@ -142,7 +144,7 @@ fn interval_lengths(setup: &Setup, bytes: &[u8]) -> Result<Vec<(f64, f64)>> {
         .collect())
 }
 
-/// Returns the mean power in frequency bands of equal ratio.
+/// Returns the mean power in each frequency band. The ratio between the ends of a band is the same for all bands.
 fn band_means(totals: &[u32], readout_hz: f64) -> Vec<(f64, f64)> {
     let power = power(totals);
     let n = totals.len().max(1) as f64;
@@ -156,7 +158,7 @@ fn band_means(totals: &[u32], readout_hz: f64) -> Vec<(f64, f64)> {
     (0..SPECTRUM_POINTS).filter_map(band).collect()
 }
 
-/// Returns the figure of the spectra. `curves` has the name and the points of each curve.
+/// Returns the figure of the spectra. `curves` contains the name and the points of each curve.
 fn spectrum(
     place: &str,
     curves: Vec<(&str, Points)>,
@@ -180,7 +182,7 @@ fn spectrum(
 }
 
 /// Returns the plots of the recordings, of the initial model and of the final model. If no effect was `added`, both
-/// models are the same.
+/// models are equal, and only one is shown.
 ///
 /// # Errors
 /// If a map cannot be encoded.
@@ -234,12 +236,13 @@ pub struct RateResidual {
     pub light: f64,
     /// Mean rate of all pixels in spikes per readout.
     pub mean_rate: f64,
-    /// Deviation of the rates from the initial model, relative to the light, or to 0.01 for a darker recording. The lines
-    /// of the pixels through all levels are subtracted from both.
+    /// Deviation of the rates from the initial model, divided by the light, or by 0.01 if the light is lower. The
+    /// lines of the pixels through all levels are first subtracted from the rates of the recordings and of the
+    /// model.
     pub initial_residual: f64,
-    /// Deviation from the final model.
+    /// Deviation of the rates from the final model, in the same unit.
     pub final_residual: f64,
-    /// Standard deviation of the residuals between sensors that follow the model, at known light.
+    /// Standard deviation of the residuals between simulated sensors, at known light.
     pub error: f64,
 }
 
@@ -267,7 +270,7 @@ pub(crate) fn rate_residuals(
     rates
 }
 
-/// Plots the rates and their residuals. Returns nothing for fewer than two recordings.
+/// Plots the rates and their residuals. Returns nothing if the set has fewer than two uniform recordings.
 pub(super) fn rate_figures(rates: &[RateResidual], has_additions: bool) -> Vec<PageElement> {
     if rates.len() < 2 {
         return Vec::new();

@@ -1,4 +1,4 @@
-//! Conversion of the result of a search to a diagnosis.
+//! Converts the result of a search to a diagnosis.
 
 use crate::fits::fitter::{Fitter, metric_allowing_events};
 use crate::fits::interval::{interval, of_data};
@@ -52,9 +52,10 @@ impl Search<'_> {
     }
 }
 
-/// Takes the small step that the linear fit still predicts, if it reduces the cost.
+/// Makes the small step that a linear fit still predicts, if it reduces the cost.
 ///
-/// A set that agrees with the first simulations keeps its calibrated parameters. After the time limit, no step is taken.
+/// A set that agrees with the first simulations keeps its calibrated parameters. If the time limit was reached, no
+/// step is made.
 fn take_last_step(fitter: &Fitter<'_>, found: &mut SearchResult) -> Result<()> {
     if fitter.reference.is_preliminary() || !found.undecided.is_empty() {
         return Ok(());
@@ -75,8 +76,8 @@ fn take_last_step(fitter: &Fitter<'_>, found: &mut SearchResult) -> Result<()> {
     Ok(())
 }
 
-/// Returns whether a model does not describe the data. `gaps` are the discrepancies after each step, and `floor` is
-/// the noise floor of the model.
+/// Returns whether the final model fails to describe the data. `gaps` contains the discrepancy after each step, and
+/// `floor` is the noise floor of the final model.
 fn is_inadequate(gaps: &[f64], floor: f64) -> bool {
     let [first, .., last] = gaps else { return false };
     let explained = (first - last) / (first - floor).max(1.0);
@@ -101,17 +102,18 @@ fn mismatch(
     }
 }
 
-/// The result of a search, with the quantities that several parts of a diagnosis depend on.
+/// The result of a search, with quantities that several parts of a diagnosis require.
 struct Outcome<'a> {
     reference: &'a NullModel,
     data: &'a DVector<f64>,
     found: &'a SearchResult,
     last: &'a TestedFit,
-    /// Deviation of the fitted set from the mean of simulated sensors of the final model.
+    /// Deviation of the fitted set from the mean of the simulated sensors of the final model.
     off: DVector<f64>,
     /// Discrepancies of the fitted set after each step.
     discrepancies: Vec<f64>,
-    /// Squared distance between the fitted set and the final model, with any number of lost or repeated readouts.
+    /// Squared distance between the fitted set and the final model, in the metric in which the numbers of events
+    /// are free.
     distance: f64,
     /// Whether the final model does not describe the fitted set.
     is_inadequate: bool,
@@ -172,7 +174,8 @@ impl<'a> Outcome<'a> {
             parameter_mismatches: mismatches,
             unexplained: match verdict {
                 _ if *left => self.unexplained_statistics(&self.off),
-                // No single statistic exceeds its limit. These statistics contribute most to the held-out discrepancy.
+                // No single statistic exceeds its limit. The statistics with the largest held-out deviations are
+                // listed instead.
                 Verdict::PartlyExplained => self.unexplained_statistics(&self.last.off),
                 _ => Vec::new(),
             },
@@ -188,7 +191,8 @@ impl<'a> Outcome<'a> {
         })
     }
 
-    /// Returns the added effects. An added effect that the base model contains already is a parameter mismatch.
+    /// Returns the added effects. If the base model already contains an added effect, the effect is a parameter
+    /// mismatch.
     fn effects(&self) -> (Vec<FoundEffect>, Vec<ParameterMismatch>) {
         let TestedFit { fit, own, .. } = self.last;
         let first = self.discrepancies[0];
@@ -204,7 +208,7 @@ impl<'a> Outcome<'a> {
             let is_tentative = round.is_some_and(|r| r.faint)
                 || is_unconfirmed
                 || self.is_tentative_share(share, explained_share);
-            // If the name of a base parameter is tentative, its fitted value is not evidence of a mismatch.
+            // If the name is tentative, the fitted value of a base parameter is no evidence of a mismatch.
             if effect.is_base_model
                 && !is_tentative
                 && let Some(p) = parameters.first()
@@ -221,16 +225,16 @@ impl<'a> Outcome<'a> {
         (effects, mismatches)
     }
 
-    /// Returns whether a name that explains `share` of the excess is tentative, because a significant discrepancy remains. All
-    /// names together explain `explained_share`.
+    /// Returns whether an effect that explains `share` of the excess is tentative because a significant discrepancy
+    /// remains. All added effects together explain `explained_share`.
     fn is_tentative_share(&self, share: f64, explained_share: f64) -> bool {
         self.last.left && (share < 0.5 || explained_share < MIN_EXPLAINED_SHARE || self.is_inadequate)
     }
 
-    /// Returns whether the added effects change the base parameters, or the noise, so strongly that the base
-    /// parameters are not determined.
+    /// Returns whether the recordings do not determine the base parameters, because the added effects change these
+    /// parameters or the noise strongly.
     ///
-    /// Rate maps contain no temporal noise, and the base parameters of such sets remain unchanged.
+    /// Rate maps contain no temporal noise, so their base parameters are always determined.
     fn has_disturbed_base(&self) -> bool {
         let TestedFit { fit, own, .. } = self.last;
         let mut numbers = fit.u[..fit.base_knobs()].iter().zip(&own.deviations);
@@ -238,8 +242,8 @@ impl<'a> Outcome<'a> {
         !fit.effects.is_empty() && !self.reference.setup.has_rate_maps && (is_changed || fit.is_noisy())
     }
 
-    /// Returns the value and the interval of knob `j`. For a base parameter, the prior of the calibration is excluded,
-    /// because it is not evidence about the calibration itself.
+    /// Returns the value and the interval of parameter `j`. For a base parameter, the interval excludes the prior.
+    /// The prior comes from the calibration, so it is no evidence about the calibration.
     fn parameter(&self, j: usize) -> Parameter {
         let TestedFit { fit, own, .. } = self.last;
         let deviation = own.deviations[j];
@@ -258,7 +262,8 @@ impl<'a> Outcome<'a> {
         Parameter { name: knob.key, value: knob.value(u), low: a.min(b), high: a.max(b) }
     }
 
-    /// Returns the light of recordings and of sources, and the influence of each lamp on the named parameters.
+    /// Returns the light of the recordings and of the sources, with the influence of each lamp on the named
+    /// parameters.
     fn lamps(&self, mismatches: &[ParameterMismatch]) -> Vec<DiagnosedLamp> {
         let TestedFit { fit, own, .. } = self.last;
         let lamps = &fit.model.lamps;
@@ -284,7 +289,7 @@ impl<'a> Outcome<'a> {
                 LampKind::Source(name) => Some(name.clone()),
                 LampKind::Repetition => return None,
             };
-            // A source has the recording in which it is alone.
+            // The share of a source is largest in the recording in which it is alone.
             let (alone, _) = *lamp.shares.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
             let deviation = posterior.deviations[k];
             Some(DiagnosedLamp {
@@ -320,22 +325,23 @@ impl<'a> Outcome<'a> {
         (0..QUANTITIES.len()).map(test).collect()
     }
 
-    /// Returns limits for the effects that a model lacks, if the model describes the recordings.
+    /// Returns upper limits for the effects that the final model lacks. The list is empty unless the model
+    /// describes the recordings.
     fn limits(&self, verdict: Verdict) -> Result<Vec<EffectLimit>> {
         if !verdict.is_complete() {
             return Ok(Vec::new());
         }
         let TestedFit { fit, own, .. } = self.last;
         let limits = effect_limits(self.reference, &own.metric, &self.off, &fit.located, |s| fit.lacks(s));
-        // Without time for further simulations, the diagnosis states no limits.
+        // If there is no time for further simulations, no limits are stated.
         Ok(in_time(limits)?.unwrap_or_default())
     }
 
     /// Returns the parameters of the given camera that the data contradict.
     ///
-    /// An effect that is not in the model also moves base parameters. A parameter is therefore tentative unless it fulfills the
-    /// conditions of an effect: the held-out set confirms it, and if anything is left, the parameter explains most of the
-    /// initial discrepancy.
+    /// A missing effect also changes fitted base parameters. A mismatch is therefore tentative unless it fulfills
+    /// the same conditions as an effect. The held-out set must confirm it. If a significant discrepancy remains,
+    /// the mismatch must also explain most of the initial discrepancy.
     fn base_mismatches(&self, given: &Camera) -> Vec<ParameterMismatch> {
         let Self { reference, last: TestedFit { fit, own, .. }, .. } = self;
         let knobs = &reference.model.knobs;

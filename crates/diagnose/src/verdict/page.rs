@@ -19,11 +19,11 @@ use spikelane_measure::report::{
     with_interval, without_error,
 };
 
-/// Statistic, recording, and deviation before and after the diagnosis.
+/// A statistic: name, recording, deviation before the diagnosis, and deviation after it.
 type Deviation = (String, String, f64, f64);
 
-/// Writes `camera.toml` with its maps, `report.html` and `diagnosis.json` into `folder`, and returns the diagnosis as
-/// JSON. Either all files are written or none. The report states the origin `run`.
+/// Writes `camera.toml` with its maps, `report.html` and `diagnosis.json` into `folder`. Either all files are
+/// written or none. Returns the diagnosis as JSON. The report contains the origin `run`.
 ///
 /// # Errors
 /// If a file exists and `force` is not set, or if a file cannot be written.
@@ -125,8 +125,8 @@ fn push_key_numbers(report: &mut Report, d: &Diagnosis) {
     }
 }
 
-/// Plots the statistic whose deviation the added effects reduce most, in all recordings, with and without the effects. If
-/// nothing was added, returns `None`.
+/// Plots one statistic in all recordings, with and without the added effects. It is the statistic whose deviation
+/// the effects reduce most. Returns `None` if no effect was added.
 fn effect_figure(d: &Diagnosis) -> Option<PageElement> {
     if d.discrepancy.fitted_set.len() < 2 {
         return None;
@@ -154,7 +154,7 @@ fn effect_figure(d: &Diagnosis) -> Option<PageElement> {
     ))
 }
 
-/// Plots the mean square deviation of the statistics of each recording before and after effects were added.
+/// Plots the mean squared deviation of the statistics of each recording, before and after effects were added.
 fn recording_discrepancies(d: &Diagnosis) -> Option<PageElement> {
     let added = d.discrepancy.fitted_set.len() > 1;
     let mut places: Vec<&str> = d.traces.deviations.iter().map(|r| r.1.as_str()).collect();
@@ -185,7 +185,7 @@ fn recording_discrepancies(d: &Diagnosis) -> Option<PageElement> {
     ))
 }
 
-/// Plots the deviation of each lamp, relative to its stated uncertainty.
+/// Plots the deviation of each lamp from its stated light, divided by its uncertainty.
 fn pull_figure(d: &Diagnosis) -> Option<PageElement> {
     let largest = d.lamps.iter().map(|l| l.pull.abs()).fold(f64::NAN, f64::max);
     if !largest.is_finite() {
@@ -206,7 +206,7 @@ fn pull_figure(d: &Diagnosis) -> Option<PageElement> {
     ))
 }
 
-/// Returns the values behind the verdict, each with its limit.
+/// Returns a table of the values that determine the verdict, each with its limit.
 fn limit_tests(d: &Diagnosis) -> Table {
     let header = ["test", "fitted recordings", "held-out recordings", "limit", "result"];
     let percent = d.tests.first().map_or(0.0, |t| 100.0 * t.exceedance_probability);
@@ -223,7 +223,7 @@ fn limit_tests(d: &Diagnosis) -> Table {
     Table::new("Values behind the verdict", &header).open().with_note(note).with_rows(d.tests.iter().map(row))
 }
 
-/// Describes the effects that the set cannot show.
+/// Returns a text about the effects that the set cannot show.
 pub(crate) fn undetectable_text(d: &Diagnosis) -> String {
     if d.undetectable.is_empty() {
         "Each effect of the catalog is detectable at the maximum of its range. The detectability analysis estimates the smallest detectable strength for this recording set.".to_owned()
@@ -346,7 +346,8 @@ fn effect_limits(d: &Diagnosis) -> Table {
     Table::new("Upper limits of other effects", &header).with_note(TEXT).with_rows(d.limits.iter().map(row))
 }
 
-/// Plots the discrepancy after each step. If no effect was added, returns `None`, because the key numbers have the value.
+/// Plots the discrepancy after each step. Returns `None` if no effect was added, because the key numbers already
+/// contain the only value.
 fn discrepancy_figure(d: &Diagnosis) -> Option<PageElement> {
     const MEASURE: &str = "The discrepancy is the squared distance of the statistics from the model, without the directions that calibration fits.";
     let Discrepancy {
@@ -413,8 +414,8 @@ fn deviations_figure(d: &Diagnosis) -> PageElement {
 fn tournament(d: &Diagnosis) -> Vec<PageElement> {
     let mut parts = Vec::new();
     let rounds = d.traces.tournament.iter().zip(&d.traces.step_outcomes);
-    // Only rounds with several candidates are shown. An effect that replaced another one was not part of a comparison,
-    // and its evidence describes the replacement.
+    // Rounds with a single candidate are omitted. An effect that replaced another one was not compared in a round.
+    // Its evidence describes the replacement instead.
     for (round, (winner, fate)) in rounds.filter(|(round, _)| round.len() > 1) {
         let (what, caption) = match fate {
             EliminationReason::Retained => (
@@ -449,7 +450,7 @@ fn tournament(d: &Diagnosis) -> Vec<PageElement> {
     parts
 }
 
-/// Formats `value` with a precision of two significant digits of half its interval.
+/// Formats `value` with the precision of two significant digits of half its interval `low` to `high`.
 pub(super) fn format_value(value: f64, low: f64, high: f64) -> String {
     with_error(value, (high - low) / 2.0).value_column()
 }

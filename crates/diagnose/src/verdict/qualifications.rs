@@ -8,9 +8,9 @@ use crate::thresholds::{MAX_AMBIGUOUS_EFFECTS, MAX_RELATIVE_FLOOR_SD, MIN_SIMILA
 use crate::verdict::diagnosis::{Diagnosis, Discrepancy, FoundEffect, ParameterMismatch, Verdict};
 use spikelane::effects::{AmbiguityGroup, Definition};
 
-/// Weakens statements of a diagnosis that its evidence does not support.
+/// Makes those statements of a diagnosis weaker that its evidence does not support.
 ///
-/// Sets that share a null model are not qualified.
+/// Diagnoses with a given null model are not qualified.
 pub(crate) fn qualify(d: &mut Diagnosis, reference: &NullModel) {
     for effect in d.effects.iter_mut().filter(|e| !e.is_tentative) {
         let (Some(p), Some(neutral)) = (effect.parameters.first(), reference.neutral_of(effect.name)) else {
@@ -55,7 +55,8 @@ pub(crate) fn qualify(d: &mut Diagnosis, reference: &NullModel) {
     }
 }
 
-/// Drops spreads between pixels that are larger than in the model: the texture of an unknown scene adds to the spread.
+/// Removes mismatches of spreads between pixels that are larger than in the model. The texture of an unknown scene
+/// adds to these spreads.
 fn drop_texture(d: &mut Diagnosis) {
     let is_texture = |m: &ParameterMismatch| m.fitted_value > m.model_value && is_pixel_spread(&m.parameter);
     let dropped: Vec<String> = d
@@ -76,7 +77,7 @@ fn drop_texture(d: &mut Diagnosis) {
     }
 }
 
-/// Returns whether a parameter of the base model is a spread between pixels that a static scene shows.
+/// Returns whether a parameter of the base model is a spread between pixels that a static scene determines.
 fn is_pixel_spread(parameter: &str) -> bool {
     let is_shown = |name: &str, key: &str| {
         BASE_KNOBS
@@ -86,8 +87,8 @@ fn is_pixel_spread(parameter: &str) -> bool {
     parameter.split_once('.').is_some_and(|(name, key)| is_shown(name, key))
 }
 
-/// Adds ambiguities between effects that change the response curve: a found effect is ambiguous with a similar one
-/// that was never fitted beside it.
+/// Adds ambiguities between effects that change the response curve. A found effect becomes ambiguous with each
+/// similar effect with which it was never compared.
 fn add_response_ambiguities(d: &mut Diagnosis, reference: &NullModel) {
     let changes_response = |effect: &&Definition| effect.ambiguity_groups.contains(&AmbiguityGroup::Response);
     let response_effects: Vec<&'static str> =
@@ -120,12 +121,12 @@ fn add_response_ambiguities(d: &mut Diagnosis, reference: &NullModel) {
     }
 }
 
-/// Returns the definition of a searched effect.
+/// Returns the definition of an effect that was searched.
 pub(super) fn definition(reference: &NullModel, name: &str) -> Option<&'static Definition> {
     reference.effects().into_iter().find(|effect| effect.name == name)
 }
 
-/// Returns a note about what static scenes of unknown light show.
+/// Returns a note on the quantities that static scenes of unknown light show.
 fn static_scene_note(setup: &Setup) -> String {
     let longest = setup.recordings.iter().map(|s| s.readouts).max().unwrap_or(0);
     format!(
@@ -135,8 +136,8 @@ fn static_scene_note(setup: &Setup) -> String {
     )
 }
 
-/// Returns notes about the judged readouts and the held-out recordings. `aside` contains the excluded readouts at the
-/// start of recordings.
+/// Returns notes on the compared readouts and on the held-out recordings. `aside` contains the file and the number
+/// of readouts that were excluded at the start of each recording.
 pub(crate) fn set_notes(setup: &Setup, aside: &[(String, usize)], held_out: HeldOut) -> Vec<String> {
     let mut notes = Vec::new();
     if let Some((first, rows)) = setup.row_band {
@@ -178,7 +179,7 @@ pub(crate) fn set_notes(setup: &Setup, aside: &[(String, usize)], held_out: Held
     notes
 }
 
-/// Explains why a set without a significant statistic is not explained.
+/// Returns a note for a set that is not explained although no single statistic is significant.
 pub(crate) fn open_discrepancy_note(gap: &Discrepancy) -> String {
     format!(
         "No single statistic exceeds its limit, but the {}discrepancy is {:.0}, the noise floor of the final model is {:.0}, and the \
@@ -190,7 +191,7 @@ pub(crate) fn open_discrepancy_note(gap: &Discrepancy) -> String {
     )
 }
 
-/// Lists parameters that are not reported as mismatches, because the found effects determine or disturb them strongly.
+/// Returns a note on parameters that are not tested, because the found effects change them or the noise strongly.
 pub(crate) fn untested_note(wrong: &[ParameterMismatch]) -> String {
     let names: Vec<&str> = wrong.iter().map(|m| m.parameter.as_str()).collect();
     format!(
@@ -216,7 +217,8 @@ mod tests {
         }
     }
 
-    /// Returns the remaining mismatches and the verdict of an explained diagnosis.
+    /// Removes the texture from an explained diagnosis with one mismatch. Returns the remaining mismatches and the
+    /// verdict.
     fn without_texture(mismatch: ParameterMismatch) -> (Vec<String>, Verdict) {
         let camera = spikelane::presets::builtin("physical").unwrap();
         let mut diagnosis = Diagnosis {

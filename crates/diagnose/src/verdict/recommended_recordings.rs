@@ -1,4 +1,4 @@
-//! Recommended recordings, which distinguish ambiguous effects.
+//! Recommends recordings that distinguish ambiguous effects.
 
 use crate::null_model::model::NullModel;
 use crate::search::round::{Entrant, Round, tied};
@@ -6,7 +6,7 @@ use crate::thresholds::{DISTINCT_SDS, MAX_LENGTH_FACTOR};
 use crate::verdict::qualifications::definition;
 use spikelane::effects::AmbiguityGroup;
 
-/// Returns one sentence for each effect that is ambiguous with a retained effect.
+/// Returns one sentence for each pair of a retained effect and an effect that is ambiguous with it.
 pub(crate) fn recommended_recordings(reference: &NullModel, rounds: &[Round]) -> Vec<String> {
     let kept = rounds.iter().filter(|r| r.is_kept());
     kept.flat_map(|r| tied(r).into_iter().map(|e| sentence(reference, r, e))).collect()
@@ -16,7 +16,7 @@ fn sentence(reference: &NullModel, round: &Round, other: &Entrant) -> String {
     let scores = reference.metric.scores(&(&other.mean - &round.mean));
     let best = (0..scores.len()).max_by(|a, b| scores[*a].abs().total_cmp(&scores[*b].abs())).unwrap_or(0);
     let (statistic, place) = reference.words(best);
-    // The distance in standard deviations grows with the square root of the length.
+    // The distance between both models, in standard deviations, is proportional to the square root of the length.
     let times = (DISTINCT_SDS / other.apart.max(1e-3)).powi(2);
     let longer = if times <= 1.0 {
         format!("A second recording of {place} would distinguish both, where {statistic} differs most")
@@ -35,14 +35,14 @@ fn sentence(reference: &NullModel, round: &Round, other: &Entrant) -> String {
     format!("{} or {}. {longer}{added}.", round.winner, other.name)
 }
 
-/// Returns the first group that two effects have in common.
+/// Returns the first ambiguity group that contains both effects.
 fn common_group(reference: &NullModel, name: &str, other: &str) -> Option<AmbiguityGroup> {
     let [groups, others] = [name, other].map(|name| definition(reference, name).map(|d| d.ambiguity_groups));
     let others = others?;
     groups?.iter().copied().filter(|group| others.contains(group)).min()
 }
 
-/// Returns the recordings that distinguish the effects of a group.
+/// Returns a description of the recordings that distinguish the effects of a group.
 fn distinguishing_scenes(group: AmbiguityGroup) -> &'static str {
     match group {
         AmbiguityGroup::Response => {
