@@ -234,8 +234,7 @@ pub(crate) fn check_sufficient(setup: &Setup, with_camera: bool) -> Result<()> {
 /// If they do not. The error names the first difference.
 pub(crate) fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
     let names = |x: &RecordedScene| x.sources.sources.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
-    let key =
-        |s: &Setup, k: usize| s.recordings.get(k).map(|x| (format!("{:?}", x.light), names(x), x.readouts));
+    let key = |s: &Setup, k: usize| s.recordings.get(k).map(|x| (x.light, names(x), x.readouts));
     let size = |s: &Setup| format!("{} at {} readouts per second", s.geometry, s.readout_hz);
     let other = (0..a.recordings.len().max(b.recordings.len())).find(|k| key(a, *k) != key(b, *k));
     let description = |s: &Setup| match other {
@@ -243,9 +242,9 @@ pub(crate) fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
         Some(k) => s.recordings.get(k).map_or_else(
             || format!("{} recordings", s.recordings.len()),
             |x| {
-                let sources =
-                    if names(x).is_empty() { String::new() } else { format!(" of {}", names(x).join(", ")) };
-                format!("{} of light {:?}{sources} with {} readouts", x.file_name(), x.light, x.readouts)
+                let mut lights = vec![x.light_description()];
+                lights.extend(names(x));
+                format!("{} ({}) with {} readouts", x.file_name(), lights.join(", "), x.readouts)
             },
         ),
         None => String::new(),
