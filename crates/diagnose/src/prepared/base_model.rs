@@ -3,7 +3,7 @@
 use crate::prepared::map_populations::reduced;
 use crate::prepared::negative_currents::has_negative_currents;
 use crate::prepared::recordings::{PreparedSet, Recordings};
-use crate::sensors::model::{BASE_KNOBS, published};
+use crate::sensors::model::{BASE_KNOBS, effect_or_neutral, published};
 use crate::statistics::order::Spread;
 use crate::thresholds::{MAX_CALIBRATION_ERROR, MAX_CALIBRATION_FACTOR};
 use serde::Serialize;
@@ -163,8 +163,7 @@ impl BaseModel {
 
     /// Changes the model to one that keeps negative dark currents.
     fn below_zero(mut self) -> Result<Self> {
-        let own = self.camera.effect(dark_current::EFFECT.name).cloned();
-        let own = own.unwrap_or_else(|| dark_current::EFFECT.neutral());
+        let own = effect_or_neutral(&self.camera, &dark_current::EFFECT);
         self.camera = self.camera.with_effect(own.with_value("negative", 0.0)?);
         self.notes.push(
             "Pixels that are silent in the dark also have less charge in the light. Negative dark currents are therefore kept, although the published model sets negative dark currents to zero.".to_owned(),
@@ -176,7 +175,7 @@ impl BaseModel {
     fn moved(mut self, c: &Calibration) -> Result<Self> {
         let (mut told, mut untold) = (Vec::new(), Vec::new());
         for (effect, key, value, error) in found(&self.camera, c) {
-            let own = self.camera.effect(effect.name).cloned().unwrap_or_else(|| effect.neutral());
+            let own = effect_or_neutral(&self.camera, effect);
             let published = own.get(key)?;
             let near = (1.0 / MAX_CALIBRATION_FACTOR..MAX_CALIBRATION_FACTOR).contains(&(value / published));
             let sure = error.is_finite() && error < MAX_CALIBRATION_ERROR * value.abs() && near;
@@ -193,8 +192,7 @@ impl BaseModel {
         }
         if c.is_noise_sampling_identified {
             let noise_sampling = if c.noise_sampling == NoiseSampling::EveryReadout { 1.0 } else { 0.0 };
-            let noise = self.camera.effect(thermal_noise::EFFECT.name).cloned();
-            let noise = noise.unwrap_or_else(|| thermal_noise::EFFECT.neutral());
+            let noise = effect_or_neutral(&self.camera, &thermal_noise::EFFECT);
             self.camera = self.camera.with_effect(noise.with_value("noise_sampling", noise_sampling)?);
         }
         self.notes.push(format!(

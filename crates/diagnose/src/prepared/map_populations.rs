@@ -1,8 +1,9 @@
 //! Replaces the maps of a camera by populations, which a diagnosis compares with recordings.
 
+use crate::sensors::model::effect_or_neutral;
 use crate::statistics::order::Spread;
 use crate::thresholds::MIN_TAIL_SKEW;
-use spikelane::effects::{Camera, Definition, Effect, bias_voltage, dark_current, dark_tail, prnu};
+use spikelane::effects::{Camera, bias_voltage, dark_current, dark_tail, prnu};
 use spikelane::error::Result;
 
 /// Replaces each map of a camera by a population with the same median and spread.
@@ -10,7 +11,7 @@ pub(super) fn reduced(mut camera: Camera) -> Result<Camera> {
     let maps = std::mem::take(&mut camera.maps);
     if let Some(gain) = &maps.gain {
         let spread = Spread::of(gain);
-        let effect = own(&camera, &prnu::EFFECT)
+        let effect = effect_or_neutral(&camera, &prnu::EFFECT)
             .with_value("mean", spread.median())?
             .with_value("sigma", spread.sd())?;
         camera = camera.with_effect(effect);
@@ -19,14 +20,11 @@ pub(super) fn reduced(mut camera: Camera) -> Result<Camera> {
         camera = with_dark(camera, dark)?;
     }
     if let Some(swing) = &maps.swing_v {
-        let effect = own(&camera, &bias_voltage::EFFECT).with_value("sigma", Spread::of(swing).sd())?;
+        let effect =
+            effect_or_neutral(&camera, &bias_voltage::EFFECT).with_value("sigma", Spread::of(swing).sd())?;
         camera = camera.with_effect(effect);
     }
     Ok(camera)
-}
-
-fn own(camera: &Camera, effect: &'static Definition) -> Effect {
-    camera.effect(effect.name).cloned().unwrap_or_else(|| effect.neutral())
 }
 
 /// Replaces the map of dark currents by a normal or a log-normal population. The log-normal population has a tail.
@@ -36,7 +34,7 @@ fn with_dark(camera: Camera, dark: &[f64]) -> Result<Camera> {
     let logarithms = Spread::of(&dark.iter().map(|d| d.ln()).collect::<Vec<f64>>());
     let tailed =
         spread.q[0] > 0.0 && spread.skew() > MIN_TAIL_SKEW && logarithms.skew().abs() < 0.5 * spread.skew();
-    let effect = own(&camera, &dark_current::EFFECT);
+    let effect = effect_or_neutral(&camera, &dark_current::EFFECT);
     if tailed {
         let sigma = logarithms.sd();
         let mean = spread.median() * (0.5 * sigma * sigma).exp();

@@ -4,7 +4,7 @@ use crate::prepared::base_model::{BaseModel, BaseParameter};
 use crate::prepared::recordings::{PreparedSet, Recordings};
 use serde::Serialize;
 use spikelane::effects::Camera;
-use spikelane_calibrate::{RecordedCamera, Stimulus, StimulusPattern};
+use spikelane_calibrate::RecordedCamera;
 
 /// A recording that was compared with the model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -66,7 +66,7 @@ impl Provenance {
         let PreparedSet { set, setup, .. } = &recordings.fitted;
         let judged = setup.recordings.iter().map(|s| JudgedRecording {
             file: s.file_name(),
-            light: words(s.light),
+            light: s.light_description(),
             readouts: s.readouts,
             first_readout: s.first_readout,
         });
@@ -92,19 +92,5 @@ impl Provenance {
             base_parameters: base.map_or_else(Vec::new, |b| b.numbers.clone()),
             ..Self::default()
         }
-    }
-}
-
-pub(crate) fn words(light: Stimulus) -> String {
-    match light {
-        Stimulus::Level(0.0) => "dark".to_owned(),
-        Stimulus::Level(level) => format!("{level}"),
-        Stimulus::Scene(StimulusPattern::Square { high, low, half_period }) => {
-            format!("{high} and {low} alternating, {half_period} readouts each")
-        }
-        Stimulus::Scene(StimulusPattern::Checkerboard { high, low, cell }) => {
-            format!("squares of {cell} pixels, {high} and {low}")
-        }
-        _ => "a static scene of unknown light".to_owned(),
     }
 }

@@ -43,6 +43,21 @@ impl RecordedScene {
         last.map_or_else(|| self.name.clone(), |name| name.to_string_lossy().into_owned())
     }
 
+    /// Returns the stated light in words.
+    pub(crate) fn light_description(&self) -> String {
+        match self.light {
+            Stimulus::Level(0.0) => "dark".to_owned(),
+            Stimulus::Level(level) => format!("{level}"),
+            Stimulus::Scene(StimulusPattern::Square { high, low, half_period }) => {
+                format!("{high} and {low} alternating, {half_period} readouts each")
+            }
+            Stimulus::Scene(StimulusPattern::Checkerboard { high, low, cell }) => {
+                format!("squares of {cell} pixels, {high} and {low}")
+            }
+            _ => "a static scene of unknown light".to_owned(),
+        }
+    }
+
     /// Returns the level of uniform light, or `None` for other light.
     #[must_use]
     pub fn level(&self) -> Option<f64> {

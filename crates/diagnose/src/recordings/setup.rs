@@ -246,9 +246,9 @@ pub(crate) fn same_protocol(a: &Setup, b: &Setup) -> Result<()> {
         Some(k) => s.recordings.get(k).map_or_else(
             || format!("{} recordings", s.recordings.len()),
             |x| {
-                let sources =
-                    if names(x).is_empty() { String::new() } else { format!(" of {}", names(x).join(", ")) };
-                format!("{} of light {}{sources} with {} readouts", x.file_name(), x.light, x.readouts)
+                let mut lights = vec![x.light_description()];
+                lights.extend(names(x));
+                format!("{} ({}) with {} readouts", x.file_name(), lights.join(", "), x.readouts)
             },
         ),
         None => String::new(),

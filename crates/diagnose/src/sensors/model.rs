@@ -6,8 +6,8 @@ use crate::recordings::setup::Setup;
 use crate::sensors::deadline::SimulationContext;
 use spikelane::effects::definition::SearchScale;
 use spikelane::effects::{
-    Camera, Definition, bias_voltage, capacitor_mismatch, dark_current, prnu, shot_noise, start_phase,
-    thermal_noise,
+    Camera, Definition, Effect, bias_voltage, capacitor_mismatch, dark_current, prnu, shot_noise,
+    start_phase, thermal_noise,
 };
 use spikelane::error::Result;
 
@@ -69,7 +69,7 @@ impl Model {
     pub(crate) fn sample(&self, u: &[f64], lamp_deviations: &[f64]) -> Result<Sample> {
         let mut camera = self.camera.clone();
         for (knob, u) in self.knobs.iter().zip(u) {
-            let effect = camera.effect(knob.effect.name).cloned().unwrap_or_else(|| knob.effect.neutral());
+            let effect = effect_or_neutral(&camera, knob.effect);
             camera = camera.with_effect(effect.with_value(knob.key, knob.value(*u))?);
         }
         let mut factors = vec![1.0; self.recordings];
@@ -197,14 +197,18 @@ pub(crate) struct Sample {
     pub context: SimulationContext,
 }
 
+/// Returns the effect of `camera`, or the effect at its neutral values if the camera does not have it.
+pub(crate) fn effect_or_neutral(camera: &Camera, effect: &'static Definition) -> Effect {
+    camera.effect(effect.name).cloned().unwrap_or_else(|| effect.neutral())
+}
+
 /// Returns the published model with the frame size and the readout rate of `setup`. It is the initial model without
 /// a camera file.
 pub(crate) fn published(setup: &Setup) -> Result<Camera> {
     let mut camera = spikelane::presets::builtin("scsim-code")?;
     camera.sensor.geometry = setup.geometry;
     camera.sensor.readout_hz = setup.readout_hz;
-    let dark =
-        camera.effect(dark_current::EFFECT.name).cloned().unwrap_or_else(|| dark_current::EFFECT.neutral());
+    let dark = effect_or_neutral(&camera, &dark_current::EFFECT);
     camera = camera
         .with_effect(dark.with_value("negative", 1.0)?)
         .with_effect(shot_noise::EFFECT.neutral().with_value("strength", 1.0)?)

@@ -5,7 +5,6 @@ use crate::fits::interval::{interval, of_data};
 use crate::light::lamp::{Lamp, LampKind};
 use crate::light::lamp_posterior::LampPosterior;
 use crate::null_model::model::NullModel;
-use crate::prepared::provenance::words;
 use crate::prepared::recordings::PreparedSet;
 use crate::search::effect_search::SearchResult;
 use crate::search::parameter_mismatch::{Contradicted, Contradictions, contradicted};
@@ -295,7 +294,7 @@ impl<'a> Outcome<'a> {
             Some(DiagnosedLamp {
                 file: scenes[alone].file_name(),
                 source,
-                light: words(scenes[alone].light),
+                light: scenes[alone].light_description(),
                 uncertainty: lamp.uncertainty,
                 deviation,
                 error: posterior.errors[k],
