@@ -126,29 +126,6 @@ impl DetailReference {
     }
 }
 
-impl DetailScores {
-    /// Returns the mean of each score, or `None` for an empty slice. The mean of `outliers` is rounded.
-    ///
-    /// # Examples
-    /// ```
-    /// use spikelane::reconstruct::DetailScores;
-    /// let score = |slope| DetailScores { aligned_psnr_db: 30.0, slope, noise: 0.1, outliers: 2 };
-    /// let mean = DetailScores::average(&[score(0.5), score(1.0)]);
-    /// assert_eq!(mean, Some(score(0.75)));
-    /// assert_eq!(DetailScores::average(&[]), None);
-    /// ```
-    #[must_use]
-    pub fn average(all: &[Self]) -> Option<Self> {
-        let mean = |f: fn(&Self) -> f64| all.iter().map(f).sum::<f64>() / all.len() as f64;
-        (!all.is_empty()).then(|| Self {
-            aligned_psnr_db: mean(|d| d.aligned_psnr_db),
-            slope: mean(|d| d.slope),
-            noise: mean(|d| d.noise),
-            outliers: mean(|d| d.outliers as f64).round() as usize,
-        })
-    }
-}
-
 /// Compares the image `picture` with `reference`. The units of both may differ.
 ///
 /// Let `p` be the image, and `a` and `b` the two observations. Let `h(x)` be `x` minus the mean of `x` over 3x3 pixels.

@@ -1,18 +1,18 @@
 //! Code that several commands share: flags, progress and output.
 
-pub(super) mod animation;
-pub(super) mod camera;
+mod animation;
+mod camera;
 pub(super) mod console;
-pub(super) mod flags;
-pub(super) mod images;
+mod flags;
+mod images;
 pub(super) mod limits;
-pub(super) mod movie;
-pub(super) mod outputs;
+mod movie;
+mod outputs;
 pub(super) mod progress;
-pub(super) mod standard_streams;
-pub(super) mod stream;
-pub(super) mod text_table;
-pub(super) mod video;
+mod standard_streams;
+mod stream;
+mod text_table;
+mod video;
 
 pub(super) use camera::{CameraArgs, CameraChanges, exact_rate};
 pub(super) use console::{Console, command_line, event, recorded_command, recorded_path, run_record};

@@ -14,7 +14,7 @@ use spikelane_io::formats::Layout;
 use spikelane_measure::report::insert_present;
 
 use super::template;
-use crate::common::{CameraArgs, Console, FileProgress, SeedArgs, claim_files, stream};
+use crate::common::{CameraArgs, Console, FileProgress, SeedArgs, claim_files, parse_size};
 
 /// A calibration protocol.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -135,7 +135,7 @@ fn write_template(folder: &Path, args: &Args, out: &Console) -> Result<()> {
     std::fs::metadata(folder).map_err(|e| Error::io(folder.display(), e))?;
     let _claim = claim_files([folder.join("recordings.toml")], args.force)?;
     let changes = &args.camera.changes;
-    let (size, hz) = (stream::parse_size("size", changes.width, changes.height)?, changes.readout_hz);
+    let (size, hz) = (parse_size("size", changes.width, changes.height)?, changes.readout_hz);
     let file = template::write(folder, size, hz.map(|hz| hz.hz()), args.force)?.display().to_string();
     let text = format!("{file}: add the light of each recording, then run 'spikelane calibrate {file}'\n");
     out.print_result(&json!({"event": "done", "file": file}), &text)

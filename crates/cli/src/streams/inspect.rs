@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use indicatif::DecimalBytes;
-use serde_json::json;
+use serde::Serialize;
+use serde_json::{Value, json};
 use spikelane::reconstruct::tfp;
 use spikelane::sensor::{Channel, Mosaic};
 use spikelane::spikes::SpikeFramesRef;
@@ -52,7 +53,7 @@ pub(crate) struct Args {
 }
 
 /// Returns a layout guess as JSON. Unknown scores are omitted.
-fn guess_json((r, is_selected): (&LayoutGuess, bool)) -> serde_json::Value {
+fn guess_json((r, is_selected): (&LayoutGuess, bool)) -> Value {
     let fields = json!({
         "layout": r.layout.name(), "width": r.geometry.width(), "height": r.geometry.height(),
         "readouts": r.readouts, "is_selected": is_selected,
@@ -106,26 +107,19 @@ pub(crate) fn run(args: &Args, out: &Console) -> Result<()> {
         storage::write_small(path, &encode_png(&image)?, args.force)?;
     }
     let (leading, trailing) = reader.partial_frame_bytes();
-    let event = json!({
+    let mut event = json!({
         "file": args.file.display().to_string(), "bytes": bytes, "layout": reader.layout().name(),
         "width": reader.geometry().width(), "height": reader.geometry().height(),
         "readouts": reader.readouts(), "dropped_bytes": leading + trailing,
         "measured_readouts": [range.start, range.end],
-        "mean_rate": measured.mean_rate, "min_pixel_rate": measured.min_rate, "max_pixel_rate": measured.max_rate,
-        "silent_pixels": measured.silent_pixels, "dead_pixels": measured.dead_pixels, "stuck_pixels": measured.stuck_pixels,
-        "hot_pixels": measured.hot_pixels, "weak_pixels": measured.weak_pixels,
         "warnings": reader.warnings().iter().cloned().chain(readings.warning()).collect::<Vec<_>>(),
         "geometry_source": reader.origin().to_string(), "missing_frames": reader.missing_frames(),
         "layout_guesses": listed_guesses(&readings).map(guess_json).collect::<Vec<_>>(),
     });
+    if let (Value::Object(event), Value::Object(measured)) = (&mut event, json!(measured)) {
+        event.extend(measured);
+    }
     let optional_fields = [
-        ("mosaic", measured.mosaic.as_ref().map(|mosaic| mosaic.to_string().into())),
-        ("detected_mosaics", measured.detected.as_ref().map(|all| json!(all))),
-        (
-            "channels",
-            (!measured.channels.is_empty())
-                .then(|| measured.channels.iter().map(ChannelRates::json).collect()),
-        ),
         ("digest", digest.as_ref().map(|d| json!(d))),
         ("digest_matches", matches.map(Into::into)),
         ("sidecar", sidecar.as_ref().map(|(path, _)| path.display().to_string().into())),
@@ -199,11 +193,14 @@ fn guess_line(reading: &LayoutGuess) -> String {
 }
 
 /// The rates of one channel of a color camera.
+#[derive(Serialize)]
 struct ChannelRates {
     name: char,
     pixels: usize,
     mean_rate: f64,
+    #[serde(rename = "min_pixel_rate")]
     min_rate: f64,
+    #[serde(rename = "max_pixel_rate")]
     max_rate: f64,
 }
 
@@ -226,13 +223,6 @@ impl ChannelRates {
         mosaic.channels().iter().enumerate().filter_map(channel).collect()
     }
 
-    fn json(&self) -> serde_json::Value {
-        json!({
-            "name": self.name, "pixels": self.pixels, "mean_rate": self.mean_rate,
-            "min_pixel_rate": self.min_rate, "max_pixel_rate": self.max_rate,
-        })
-    }
-
     fn text(&self) -> String {
         format!(
             "channel {}  mean rate {:.5} spikes per readout; {} from {:.5} to {:.5}\n",
@@ -245,14 +235,21 @@ impl ChannelRates {
     }
 }
 
+/// The results of `inspect`, with the keys of the JSON output.
+#[derive(Serialize)]
 struct StreamCounts {
     /// The mosaic that determines which pixels are compared.
-    mosaic: Option<Mosaic>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mosaic: Option<String>,
     /// The two possible patterns, if the mosaic was detected.
+    #[serde(rename = "detected_mosaics", skip_serializing_if = "Option::is_none")]
     detected: Option<[String; 2]>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     channels: Vec<ChannelRates>,
     mean_rate: f64,
+    #[serde(rename = "min_pixel_rate")]
     min_rate: f64,
+    #[serde(rename = "max_pixel_rate")]
     max_rate: f64,
     silent_pixels: usize,
     dead_pixels: usize,
@@ -302,7 +299,7 @@ fn count_stream(
     let rate = |n: u32| f64::from(n) / range.len() as f64;
     let total: u64 = counts.iter().map(|&n| u64::from(n)).sum();
     Ok(StreamCounts {
-        mosaic: mosaic.filter(|_| detected.is_none()),
+        mosaic: mosaic.filter(|_| detected.is_none()).map(|mosaic| mosaic.to_string()),
         detected,
         channels,
         mean_rate: total as f64 / range.len() as f64 / geometry.pixels() as f64,
