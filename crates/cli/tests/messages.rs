@@ -44,7 +44,7 @@ const QUOTED: &[(&str, &str, &str)] = &[
     ("crates/dataset/src/manifest.rs", "|l| format!(\"{l:?}\")", "a text"),
     ("crates/diagnose/src/sensors/cache_key.rs", "format!(\"{light:?}\")", "a part of a key"),
     ("crates/view/src/query.rs", "|t| format!(\"{t:?}\")", "a text"),
-    ("crates/view/src/labels.rs", "format_args!(\"{kind:?}\")", "a text"),
+    ("crates/view/src/labels.rs", "found \"{kind:?}\"", "a text"),
 ];
 
 /// Whether a line formats a value with `Debug`, such as `{:?}` or `{value:#?}`.

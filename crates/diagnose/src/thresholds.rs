@@ -18,9 +18,9 @@ pub(crate) const MIN_PHASE_PIXELS: usize = 100;
 /// per pixel. Its angle is the start phase: the charge of the pixel at the first readout, with one turn per
 /// threshold.
 ///
-/// Derived: if the start charges are uniform over three quarters of a threshold, the length is 0.3. If they are
-/// uniform over a whole threshold, the length is at most 0.06, the square of [`MAX_PHASE_RATE`], plus 0.02 by
-/// chance for 2,000 pixels.
+/// Derived: if the start charges are uniform over three quarters of a threshold, the mean vector has the length 0.3.
+/// If they are uniform over a whole threshold, its length is at most 0.08. Of this, 0.06 is the square of
+/// [`MAX_PHASE_RATE`], and 0.02 is the length of a mean of 2,000 random vectors.
 pub(crate) const MIN_COMMON_PHASE: f64 = 0.25;
 
 /// Length of the mean phase vector above which pixels that began together have not drifted apart yet. The unit is
@@ -429,16 +429,17 @@ pub(crate) const COMPLETE_REMAINDER: f64 = 0.1;
 /// Share of the squared distance from the base model. A further effect must explain more than this share, and the
 /// removal of an effect must cost more. The reason is that the signature of a strong effect is approximate.
 ///
-/// Measured: the error of such a signature leaves about this share. With a share three times as large,
-/// `supply_droop` beside a strong `row_noise` was not named.
+/// Measured: after a fit with the approximate signature of a strong effect, about this share of the squared distance
+/// remains. If the constant is three times as large, `supply_droop` is not named in a camera that also has a strong
+/// `row_noise`.
 pub(crate) const REMAINDER_SHARE: f64 = 0.0003;
 
 /// Variance inflation of the amplitude of an effect above which other parameters may replace the effect. Derived:
 /// the inflation `1 / (1 - c^2)` is 5 at the cosine c = 0.9.
 pub(crate) const MAX_VARIANCE_INFLATION: f64 = 5.0;
 
-/// Smallest increase of the cost without an effect that shows that the effect is necessary. The part for
-/// [`REMAINDER_SHARE`] is added to this number. Derived: the square of 3.5 standard deviations.
+/// An effect is necessary if the cost of the fit without it is larger by at least this number, plus
+/// [`REMAINDER_SHARE`] of the squared distance from the base model. Derived: the square of 3.5 standard deviations.
 pub(crate) const MIN_ELIMINATION_COST: f64 = 12.0;
 
 /// Share of the gain in the fitted set that the held-out set must confirm. Measured: a wrong
@@ -541,8 +542,8 @@ pub(crate) const MAX_AMBIGUOUS_EFFECTS: usize = 3;
 /// number. The effects that a diagnosis names are far stronger than the noise of this many pixel-readouts.
 pub(crate) const MAX_PIXEL_READOUTS: usize = 35_000_000;
 
-/// Smallest number of judged readouts of a long recording. It applies to frames of any size, because the low
-/// frequency bands of the spectra require this many readouts. A choice.
+/// Smallest number of readouts of a long recording that a diagnosis compares with the model. Large frames do not
+/// reduce it, because the low frequency bands of the spectra require this many readouts. A choice.
 pub(crate) const MIN_JUDGED_READOUTS: usize = 1250;
 
 /// Smallest number of half periods of a square wave that are compared with the model.
@@ -584,7 +585,8 @@ pub(crate) const STEADY_READOUTS: usize = 300;
 /// of the brighter light.
 pub(crate) const SETTLED_READOUTS: usize = 20;
 
-/// Shortest stretch, in readouts, whose response is measured. It then has at least 20 steady readouts.
+/// Length in readouts of the shortest stretch of constant light that a diagnosis uses. The stretch has at least 20
+/// readouts after the first [`STEADY_READOUTS`].
 pub(crate) const MIN_STRETCH_READOUTS: usize = STEADY_READOUTS + 20;
 
 /// Number of successive readouts that must cross the middle between both lights to make a step. A choice.

@@ -189,7 +189,7 @@ mod tests {
         for (bytes, word) in [
             (&good[..good.len() - 4], "truncated"),
             (&nan, "NaN at index 1"),
-            (&image(&[3, 2], &[0.5; 6]), "[3, 2]"),
+            (&image(&[3, 2], &[0.5; 6]), "(3, 2)"),
             (&integers, "f4 or f8"),
             (&[&good[..], b"x"].concat(), "1 byte after the array"),
             (&half, "type f16"),

@@ -135,6 +135,7 @@ impl Stimulus {
         if !levels.iter().all(is_usable) || length == 0 {
             return Err(Error::new(ErrorKind::Config, format_args!("light of {file}"))
                 .found(match self {
+                    Self::Level(level) if level.abs() < MIN_LIT_LEVEL => format!("{level:e}"),
                     Self::Level(level) => level.to_string(),
                     Self::Scene(_) => {
                         format!("levels {} and {}, length {length}", levels[0], levels[1])

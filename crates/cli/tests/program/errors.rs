@@ -56,7 +56,7 @@ fn a_backend_that_the_environment_misspells_is_refused() {
     let output = place.command(line).env("SPIKELANE_BACKEND", "avx3").output().unwrap();
     let ran = CommandResult::from_output(line, output);
     assert_eq!(ran.code, 2, "{}", ran.stderr);
-    for word in ["SPIKELANE_BACKEND", "\"avx3\"", "avx512"] {
+    for word in ["SPIKELANE_BACKEND", "avx3", "avx512"] {
         assert!(ran.stderr.contains(word), "{}", ran.stderr);
     }
     assert!(place.file_names().is_empty());

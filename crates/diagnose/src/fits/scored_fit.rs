@@ -103,7 +103,8 @@ mod tests {
                 DVector::from_fn(20, |j, _| if j < 10 { b[j] + 0.1 * own[j] } else { own[j] })
             };
             let each: Vec<_> = baseline.iter().map(&mut simulated).collect();
-            // The true means are zero, and the true mean of the base model is known.
+            // The true mean of every statistic is zero, in the base model too. The average of the base model is
+            // therefore an error, which is subtracted.
             let (plain, base) = (average(&each), average(&baseline));
             let mean = DVector::from_fn(20, |j, _| if j < 10 { plain[j] - base[j] } else { plain[j] });
             found += mean.norm_squared() / 300.0;

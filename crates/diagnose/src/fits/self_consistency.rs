@@ -136,8 +136,9 @@ impl Fitter<'_> {
         threads::try_map(0..REDRAWN_SIMULATIONS, one)
     }
 
-    /// Compares the fitted model with its own simulations. Fits the model again as long as the new noise moves a
-    /// parameter of an effect by more than one standard deviation, and the cost decreases.
+    /// Simulates the fitted model, estimates the noise of the statistics from these simulations, and fits the model
+    /// again with this noise. Repeats this as long as a parameter of an effect moves by more than one standard
+    /// deviation and the cost decreases.
     pub(crate) fn converged(&self, fit: &mut Fit) -> Result<SelfConsistency> {
         let mut own = self.self_consistency(fit)?;
         for _ in 0..MAX_REFITS {

@@ -35,8 +35,8 @@ impl Prepared {
         fitted.find_light(&base.camera, seed)?;
         let mut start = StartingCamera::new(base.camera.clone(), context);
         // A camera file may have wrong parameters, and published parameters belong to another camera. A fit
-        // therefore corrects them. Rate maps are an exception: they contain spreads only, and a fit would adapt the
-        // spreads to missing effects.
+        // therefore corrects the parameters. If the input consists of rate maps, no fit corrects them: rate maps show
+        // only the spreads between pixels, and a fit would change the spreads until they contain the missing effects.
         if (is_given || base.is_guessed()) && !fitted.setup.has_rate_maps {
             progress("own numbers", 0.02);
             let data = DVector::from_column_slice(&fitted.measured.values);
@@ -44,7 +44,7 @@ impl Prepared {
             if let Some(moved) = moved {
                 base = base.fitted(&moved.camera)?;
                 let is_lit_otherwise = fitted.find_light(&moved.camera, seed)?;
-                // If the light has changed, the null model cannot reuse the simulations of the fit.
+                // The null model can reuse the simulations of the fit only if `find_light` did not change their light.
                 start = if is_lit_otherwise { StartingCamera::new(moved.camera, context) } else { moved };
             }
         }

@@ -19,8 +19,9 @@ use spikelane_calibrate::unstable::SATURATION_RATE;
 pub(crate) fn in_step(setup: &Setup, scans: &[Scan]) -> Vec<usize> {
     let scenes =
         || setup.recordings.iter().zip(scans).filter(|(s, _)| s.is_constant() && s.static_scene.is_none());
-    // The first spike of a bright pixel does not show its start phase. However, all recordings of a set begin in
-    // the same way, so dim recordings show it for all.
+    // A bright pixel fires within the first readouts, so its first spike does not show its start phase. The first
+    // spike of a dim pixel shows it. All recordings of a set begin in the same way. Therefore one dim recording
+    // that began together is evidence for all recordings.
     if setup.has_rate_maps || !scenes().any(|(_, scan)| began_together(scan)) {
         return vec![0; setup.recordings.len()];
     }

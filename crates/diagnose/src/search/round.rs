@@ -22,7 +22,8 @@ pub(crate) struct Entrant {
     pub misfit: f64,
     /// Whether the candidate is as likely as the winner within the noise.
     pub tied: bool,
-    /// Distance between its fitted model and that of the winner, in standard deviations of one set.
+    /// Distance between the fitted models of this candidate and of the winner. The unit is the standard deviation of
+    /// the statistics of one recording set.
     pub apart: f64,
     /// Mean of the fitted model with the candidate.
     pub mean: DVector<f64>,

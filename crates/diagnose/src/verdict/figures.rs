@@ -236,9 +236,9 @@ pub struct RateResidual {
     pub light: f64,
     /// Mean rate of all pixels in spikes per readout.
     pub mean_rate: f64,
-    /// Deviation of the rates from the initial model, divided by the light, or by 0.01 if the light is lower. The
-    /// lines of the pixels through all levels are first subtracted from the rates of the recordings and of the
-    /// model.
+    /// Rate of the recordings minus rate of the initial model, divided by the light or by 0.01, whichever is larger.
+    /// Before this, the straight line of rate against light through all levels is subtracted from the rates of each
+    /// pixel, in the recordings and in the model.
     pub initial_residual: f64,
     /// Deviation of the rates from the final model, in the same unit.
     pub final_residual: f64,
