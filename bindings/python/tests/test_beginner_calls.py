@@ -188,12 +188,14 @@ CALLS = [
     (
         "sl.Camera.load('no.toml')",
         MISSING,
-        "no.toml: found no such file or folder, expected an existing file or folder; check the path; relative paths start at ",
+        "no.toml: found no such file or folder, expected an existing file or folder; check the path; relative paths start "
+        "at ",
     ),
     (
         "sl.open_stream('no.dat', height=48, width=64)",
         MISSING,
-        "no.dat: found no such file or folder, expected an existing file or folder; check the path; relative paths start at ",
+        "no.dat: found no such file or folder, expected an existing file or folder; check the path; relative paths start "
+        "at ",
     ),
     (
         "simulator.fill(gray, np.zeros((10, 384)))",

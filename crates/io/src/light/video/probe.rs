@@ -451,6 +451,6 @@ mod tests {
         let text = |pixels: &str| format!("pix_fmt={pixels}\ncolor_range=tv\ncolor_space=ycgco\n");
         assert_eq!(VideoProbe::parse(&text("yuv420p")).unwrap_err().kind(), ErrorKind::Input);
         assert!(VideoProbe::parse(&text("gray")).is_ok());
-        assert_eq!(VideoProbe::parse("").unwrap_err().kind(), ErrorKind::Tool);
+        assert_eq!(VideoProbe::parse("").unwrap_err().kind(), ErrorKind::Input);
     }
 }
